@@ -9,8 +9,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/compare.hpp>
 #include <fork1s/study/scene_table.hpp>
 #include <fstream>

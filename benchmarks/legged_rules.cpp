@@ -43,7 +43,8 @@ std::string Apart(const std::vector<Vector3>& a, const std::vector<Vector3>& b) 
     sum += (a[i] - b[i]).squaredNorm();
     most = std::max(most, (a[i] - b[i]).norm());
   }
-  return fmt::format("{:.4f},{:.4f}", 1e3 * std::sqrt(sum / std::max<double>(1, static_cast<double>(a.size()))), 1e3 * most);
+  return fmt::format("{:.4f},{:.4f}",
+                     1e3 * std::sqrt(sum / std::max<double>(1, static_cast<double>(a.size()))), 1e3 * most);
 }
 
 }  // namespace

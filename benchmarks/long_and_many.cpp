@@ -14,9 +14,9 @@
 #include <cmath>
 #include <continuum_arm.hpp>
 #include <fork1s/base/percentile.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/reference/full_simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/scene_table.hpp>
 #include <fork1s/world/step_times.hpp>
 #include <fstream>

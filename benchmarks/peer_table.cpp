@@ -30,7 +30,7 @@ struct Case {
   const char* scene;  // as the table calls it
   const char* model;  // of scenes/, and its table of controls
   const char* keyframe;
-  double time;  // s: as long as halving the finest step changes less than what is compared
+  double time;         // s: as long as halving the finest step changes less than what is compared
   int truth_substeps;  // of 1/60 s, of second order: twice its step is off by a percent of the motion or less
 };
 

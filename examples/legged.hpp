@@ -64,14 +64,14 @@ struct StandMeasurement {
   bool finite = true;
   std::vector<double> step_us;
   // After the settling time:
-  double foot_motion = 0;   // m, of any foot point from where it was then
-  double foot_step = 0;     // m, of any foot point in one step
-  double trunk_motion = 0;  // m, of the trunk's origin
-  double lean = 0;          // rad, of the trunk from upright
+  double foot_motion = 0;    // m, of any foot point from where it was then
+  double foot_step = 0;      // m, of any foot point in one step
+  double trunk_motion = 0;   // m, of the trunk's origin
+  double lean = 0;           // rad, of the trunk from upright
   double swing[2] = {0, 0};  // J, largest kinetic energy in the first and in the second half of that time
-  double penetration = 0;   // m
-  double joint_gap = 0;     // m, of any joint or loop, from the start on
-  int contacts_min = 0;     // that carry force
+  double penetration = 0;    // m
+  double joint_gap = 0;      // m, of any joint or loop, from the start on
+  int contacts_min = 0;      // that carry force
 };
 
 /// Lets it stand for `time` [s], of which `settling` [s] to come to rest.

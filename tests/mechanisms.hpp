@@ -1,8 +1,8 @@
 // Mechanisms with known answers, built by hand.
 #pragma once
 
-#include <fork1s/mechanism/builder.hpp>
 #include <cmath>
+#include <fork1s/mechanism/builder.hpp>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -163,8 +163,8 @@ inline MechanismDef CubicStewart(double a, double k) {
       }
     }
   for (std::size_t i = 0; i < open.size(); ++i)
-    builder.AddClosure(ClosureDef::Connect("top" + std::to_string(i), open[i].first, platform, Vector3::Zero(),
-                                           open[i].second));
+    builder.AddClosure(ClosureDef::Connect("top" + std::to_string(i), open[i].first, platform,
+                                           Vector3::Zero(), open[i].second));
   builder.SetInterfaces({"platform"});
   return builder.definition();
 }

@@ -18,9 +18,10 @@ namespace fork1s::testing {
 using nlohmann::json;
 
 inline const char* const kOracleCases[] = {
-    "chain10_planar",    "chain90_spatial",   "firemen_trampoline", "fourbar_planar", "fourbar_spatial",
-    "hand3_fixed_wrist", "hand5_all_tips",    "hand5_one_tip",      "hexapod_floating",
-    "overconstrained_fourbar", "refused_hand3", "stewart_cubic",    "two_link_arm"};
+    "chain10_planar",   "chain90_spatial",         "firemen_trampoline", "fourbar_planar",
+    "fourbar_spatial",  "hand3_fixed_wrist",       "hand5_all_tips",     "hand5_one_tip",
+    "hexapod_floating", "overconstrained_fourbar", "refused_hand3",      "stewart_cubic",
+    "two_link_arm"};
 
 /// One case, loaded. Tests skip where the folder of cases is not there.
 class OracleTest : public ::testing::TestWithParam<const char*> {

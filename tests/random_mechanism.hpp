@@ -83,11 +83,11 @@ struct RandomMechanismOptions {
   double stiffness_high = 200;
   double damping_ratio = 0.02;  ///< damping = this * stiffness [s], times a random number in [0.2, 1]
   bool armature = true;
-  bool rest = false;         ///< springs unloaded away from the reference
-  int rigid_closures = 0;    ///< hinge-like, connect, weld, ... closed at the reference; see note below
-  int springy_closures = 0;  ///< random springy directions, unloaded at the reference
-  int couplings = 0;         ///< polynomials through the origin, so closed at the reference
-  int springs = 0;           ///< tendons over two to four freedoms
+  bool rest = false;          ///< springs unloaded away from the reference
+  int rigid_closures = 0;     ///< hinge-like, connect, weld, ... closed at the reference; see note below
+  int springy_closures = 0;   ///< random springy directions, unloaded at the reference
+  int couplings = 0;          ///< polynomials through the origin, so closed at the reference
+  int springs = 0;            ///< tendons over two to four freedoms
   bool bent_springs = false;  ///< with higher terms
   double slack = 0;           ///< springs are slack over up to this
   int controls = 0;

@@ -1,8 +1,8 @@
 // A ball between two fingertips that do not turn: the grasp whose critical force has a closed form.
 #pragma once
 
-#include <stepping/support.hpp>
 #include <fork1s/mechanism/builder.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s::testing {
 

@@ -124,7 +124,8 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
     one["error_mm"] = t.finite ? Json(1e3 * t.error.total) : Json(nullptr);
     one["error_percent"] =
         t.finite && t.error.motion > 0 ? Json(100 * t.error.total / t.error.motion) : Json(nullptr);
-    if (t.apart > 0) one["from_half_the_step_mm"] = std::isfinite(t.apart) ? Json(1e3 * t.apart) : Json(nullptr);
+    if (t.apart > 0)
+      one["from_half_the_step_mm"] = std::isfinite(t.apart) ? Json(1e3 * t.apart) : Json(nullptr);
     trials.push_back(std::move(one));
   }
   return Json{{"asked", asked},

@@ -11,8 +11,8 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/posed_mechanism.hpp>
 #include <fstream>
 
@@ -40,7 +40,8 @@ Expected<std::vector<fs::path>> ModelsBelow(const std::string& folder) {
   std::vector<fs::path> found;
   std::error_code error;
   const auto options = fs::directory_options::skip_permission_denied;
-  for (fs::recursive_directory_iterator it(folder, options, error), end; !error && it != end; it.increment(error)) {
+  for (fs::recursive_directory_iterator it(folder, options, error), end; !error && it != end;
+       it.increment(error)) {
     std::error_code ignored;
     if (it->is_regular_file(ignored) && IsModel(it->path())) found.push_back(it->path());
   }
@@ -68,7 +69,8 @@ void Simulate(const ImportedScene& imported, double time, Json& row) {
   for (std::int64_t i = 0; i < steps; ++i) {
     const auto start = std::chrono::steady_clock::now();
     const StepReport report = simulation->Step();
-    spent.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+    spent.push_back(
+        std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
     if (!report.finite) {
       row["ran"] = fmt::format("not finite at {:.4g} s", simulation->time());
       return;
@@ -180,8 +182,9 @@ int InspectFolder(const ModelArguments& given, double time) {
   const auto files = ModelsBelow(given.path);
   if (!files) return Report(files.error(), given.json);
   if (files->empty()) {
-    return Report({ErrorCode::kFile, given.path, "no MJCF (.xml, .mjcf) or URDF (.urdf) file is below this folder"},
-                  given.json);
+    return Report(
+        {ErrorCode::kFile, given.path, "no MJCF (.xml, .mjcf) or URDF (.urdf) file is below this folder"},
+        given.json);
   }
   Json table = Json::array();
   std::size_t width = 4;

@@ -27,8 +27,8 @@ struct ModelArguments {
   std::string base_pose;                 // "x,y,z[,r,p,y]"
   std::vector<std::string> coordinates;  // "NAME=VALUE"
   bool keep_start = false;
-  std::string ground;                    // "under", or a height
-  std::vector<std::string> packages;     // "NAME=DIR"
+  std::string ground;                 // "under", or a height
+  std::vector<std::string> packages;  // "NAME=DIR"
   bool json = false;
 
   void AddTo(CLI::App& command);

@@ -23,7 +23,7 @@ ModelWatch::~ModelWatch() {
 }
 
 void ModelWatch::Look() {
-  constexpr int kLooks = 10;  // short sleeps between two looks, so that ending never waits long
+  constexpr int kLooks = 10;    // short sleeps between two looks, so that ending never waits long
   constexpr int kPatience = 4;  // looks without a file: editors take it away for a moment
   std::optional<FileStamp> before = seen_;
   int missing = 0;

@@ -117,9 +117,9 @@ int Run(const RunArguments& given) {
     const auto probe = Prepare(args, *imported, {});
     if (!probe) return Report(probe.error(), json);
     const AccuracySetting first{probe->dt(), probe->step_options().integrator, -1, args.refresh_angle};
-    auto made = ChooseForAccuracy(
-        *wanted, first, !args.integrator,
-        [&](const AccuracySetting& setting) { return TryOut(args, *imported, *inputs, setting); });
+    auto made = ChooseForAccuracy(*wanted, first, !args.integrator, [&](const AccuracySetting& setting) {
+      return TryOut(args, *imported, *inputs, setting);
+    });
     if (!made) return Report(made.error(), json);
     choice = std::move(*made);
     const AccuracySetting& best = choice->trials[choice->chosen].setting;
@@ -187,9 +187,10 @@ int Run(const RunArguments& given) {
   if (measured.failed_step >= 0 && measured.failed_unsolved)
     return Report(
         {ErrorCode::kNumerics, args.model.path,
-         fmt::format("step {} was undone: {} could not be solved even in parts of 1/64 of the step. Try a smaller --dt, "
-                     "or softer gains, pushes and springs",
-                     measured.failed_step, measured.failed_of.empty() ? "the motion" : measured.failed_of)},
+         fmt::format(
+             "step {} was undone: {} could not be solved even in parts of 1/64 of the step. Try a smaller --dt, "
+             "or softer gains, pushes and springs",
+             measured.failed_step, measured.failed_of.empty() ? "the motion" : measured.failed_of)},
         false);
   if (measured.failed_step >= 0)
     return Report(

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/names.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "mode_line.hpp"
 #include "print.hpp"

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <optional>
 
 namespace fork1s::app {

@@ -39,10 +39,10 @@ struct Measured {
   // Of the two-stage step. Names are those of the worst step; empty: none.
   struct Stages {
     std::int64_t stages = 0, iterations = 0;
-    int iterations_max = 0;  // of a stage
+    int iterations_max = 0;                          // of a stage
     int impacts = 0, saturations = 0, unsolved = 0;  // steps that were halved for these
     std::string impact, saturation, unsolved_of;     // what the last of them was about
-    double residual_max = 0;  // m
+    double residual_max = 0;                         // m
     std::string residual_of;
   } stages;
   bool failed_unsolved = false;  // failed_step was undone because its stages did not converge
@@ -70,9 +70,9 @@ struct Measured {
   std::vector<Switch> switches;
   std::optional<ErrorWatch> error;
   std::vector<std::string> implausible;  // sentences of PlausibleWatch
-  std::vector<Passing> passed;         // bodies that touch nothing, and went into something
-  bool held = false;                   // contacts were frozen in some step
-  double hold_use_max = 0;             // see HoldForce
+  std::vector<Passing> passed;           // bodies that touch nothing, and went into something
+  bool held = false;                     // contacts were frozen in some step
+  double hold_use_max = 0;               // see HoldForce
   struct BasePath {
     Vector3 start = Vector3::Zero(), last = Vector3::Zero();  // m, of the origin
     double length = 0;                                        // m

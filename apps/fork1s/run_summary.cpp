@@ -103,19 +103,15 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["unconverged_steps"] = m.unconverged;
   const auto or_null = [](const std::string& name) { return name.empty() ? Json(nullptr) : Json(name); };
   const Measured::Stages& stages = m.stages;
-  out["halved_steps"] = {{"impact", stages.impacts},
-                         {"impact_of", or_null(stages.impact)},
-                         {"saturation", stages.saturations},
-                         {"saturation_of", or_null(stages.saturation)},
-                         {"unsolved", stages.unsolved},
-                         {"unsolved_of", or_null(stages.unsolved_of)}};
-  out["newton_iterations"] = {
-      {"mean", stages.stages > 0
-                   ? Json(static_cast<double>(stages.iterations) / static_cast<double>(stages.stages))
-                   : Json(nullptr)},
-      {"most", stages.iterations_max},
-      {"residual_max_m", stages.residual_max},
-      {"residual_of", or_null(stages.residual_of)}};
+  out["halved_steps"] = {{"impact", stages.impacts},         {"impact_of", or_null(stages.impact)},
+                         {"saturation", stages.saturations}, {"saturation_of", or_null(stages.saturation)},
+                         {"unsolved", stages.unsolved},      {"unsolved_of", or_null(stages.unsolved_of)}};
+  out["newton_iterations"] = {{"mean", stages.stages > 0 ? Json(static_cast<double>(stages.iterations) /
+                                                                static_cast<double>(stages.stages))
+                                                         : Json(nullptr)},
+                              {"most", stages.iterations_max},
+                              {"residual_max_m", stages.residual_max},
+                              {"residual_of", or_null(stages.residual_of)}};
   const auto solves = static_cast<double>(m.solver.solves);
   out["contact_solver"] = {
       {"steps", m.solver.solves},
@@ -163,9 +159,9 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   constexpr std::size_t kTold = 5;  // the deepest; the others stand in `stops_passed` and `passed_through`
   for (std::size_t i = 0; i < std::min(kTold, stops_passed.size()); ++i) {
     const StopPassed& s = stops_passed[i];
-    warnings.push_back(fmt::format("{} was {:.3g} {} beyond its {} stop at {:.4g} s, more than {:.0f} % of its range",
-                                   s.name, s.beyond, s.turns ? "rad" : "m", s.upper ? "upper" : "lower", s.when,
-                                   100 * StopPassed::kShareBeyond));
+    warnings.push_back(fmt::format(
+        "{} was {:.3g} {} beyond its {} stop at {:.4g} s, more than {:.0f} % of its range", s.name, s.beyond,
+        s.turns ? "rad" : "m", s.upper ? "upper" : "lower", s.when, 100 * StopPassed::kShareBeyond));
   }
   if (stops_passed.size() > kTold)
     warnings.push_back(fmt::format("{} more joints were beyond their stops", stops_passed.size() - kTold));

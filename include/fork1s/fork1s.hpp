@@ -2,7 +2,6 @@
 // the full-coordinate simulator (reference/, study/) and the live page (server/) have headers of their own.
 #pragma once
 
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/geometry/inertia.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>
@@ -26,3 +25,4 @@
 #include <fork1s/sim/load_factor.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>

@@ -43,7 +43,7 @@ int ExplicitPair(const std::vector<int>& pairs_a, const std::vector<int>& pairs_
 
 struct ModelText {
   std::string xml;
-  std::vector<CollisionGeom> geoms;         // geom k is called "g<k>"
+  std::vector<CollisionGeom> geoms;                         // geom k is called "g<k>"
   std::vector<std::shared_ptr<const TriangleMesh>> meshes;  // mesh k is "m<k>.msh"
   std::vector<std::shared_ptr<const HeightGrid>> grids;     // hfield k is "h<k>"
 };

@@ -98,8 +98,8 @@ class PairSearch {
   std::vector<AxisBox> boxes_;       // of movers_
   Sweep sweep_;
   std::vector<ScratchPool<PairScratch>::Lease> borrowed_;  // within Detect
-  std::vector<Pair> pairs_;      // by body_a, sorted in each
-  std::vector<int> first_pair_;  // by MuJoCo's body; one more at the end
+  std::vector<Pair> pairs_;                                // by body_a, sorted in each
+  std::vector<int> first_pair_;                            // by MuJoCo's body; one more at the end
   std::size_t most_contacts_;
 };
 

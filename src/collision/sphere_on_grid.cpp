@@ -95,7 +95,7 @@ bool MakeValley(const Triangle& a, const Triangle& b) {
 }
 
 constexpr double kNear = 1e-6;  // m
-constexpr int kMost = 16;  // contacts, and faces that are told apart at once; MuJoCo has room for 50
+constexpr int kMost = 16;       // contacts, and faces that are told apart at once; MuJoCo has room for 50
 
 // Keeps the nearest ones, in order.
 class NearestFaces {
@@ -224,7 +224,8 @@ bool SupportsFromBelow(const mjModel* model, const mjData* data, int geom_of_gri
   const auto [column_from, column_to] = Grid::Cells(p.x() - kOn, p.x() + kOn, grid.half.x(), grid.columns);
   const auto [row_from, row_to] = Grid::Cells(p.y() - kOn, p.y() + kOn, grid.half.y(), grid.rows);
   bool on_it = false;
-  double least_z = 1;  // of the normals of the faces here; one that they carry is a positive sum of those, z no smaller
+  double least_z =
+      1;  // of the normals of the faces here; one that they carry is a positive sum of those, z no smaller
   for (int row = row_from; row <= row_to; ++row)
     for (int column = column_from; column <= column_to; ++column)
       for (int which : {0, 1}) {

@@ -17,20 +17,27 @@ namespace {
 template <class Act>
 auto WithSize(int f, const Act& act) {
   switch (f) {
-    case 1: return act(std::integral_constant<int, 1>());
-    case 2: return act(std::integral_constant<int, 2>());
-    case 3: return act(std::integral_constant<int, 3>());
-    case 4: return act(std::integral_constant<int, 4>());
-    case 5: return act(std::integral_constant<int, 5>());
-    case 6: return act(std::integral_constant<int, 6>());
-    default: return act(f);
+    case 1:
+      return act(std::integral_constant<int, 1>());
+    case 2:
+      return act(std::integral_constant<int, 2>());
+    case 3:
+      return act(std::integral_constant<int, 3>());
+    case 4:
+      return act(std::integral_constant<int, 4>());
+    case 5:
+      return act(std::integral_constant<int, 5>());
+    case 6:
+      return act(std::integral_constant<int, 6>());
+    default:
+      return act(f);
   }
 }
 
 // y −= factors[0] X_0 + factors[1] X_1 + ..., columns of X `stride` apart.
 template <class Size>
-inline void SubtractColumns(const double* X, std::ptrdiff_t stride, Size columns,
-                                                   const double* factors, int n, double* y) {
+inline void SubtractColumns(const double* X, std::ptrdiff_t stride, Size columns, const double* factors,
+                            int n, double* y) {
   ByFours(n, [&](const auto& at) {
     typename decltype(at(y))::PlainObject sum = at(y);
     const double* x = X;

@@ -9,8 +9,8 @@
 #pragma once
 
 #include <algorithm>
-#include <fork1s/constraints/contact_solver.hpp>
 #include <cmath>
+#include <fork1s/constraints/contact_solver.hpp>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -27,15 +27,15 @@ constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
 struct PointRows {
   PaddedRows rows_a = PaddedRows::Zero(), rows_b = PaddedRows::Zero();  // of J
-  FrictionCone law;         // of the stage at hand
-  MomentBounds moments;     // likewise
-  double R_n = 0, R_t = 0;  // the material's
-  double inverse_mass = 0;  // tr(G Gᵀ)/3
-  bool is_moved = true;     // by any freedom; what is not bears nothing, and has no R
+  FrictionCone law;                                                     // of the stage at hand
+  MomentBounds moments;                                                 // likewise
+  double R_n = 0, R_t = 0;                                              // the material's
+  double inverse_mass = 0;                                              // tr(G Gᵀ)/3
+  bool is_moved = true;  // by any freedom; what is not bears nothing, and has no R
   bool has_moments = false;
   Vector3 scale = Vector3::Ones();  // of the rows: tangents in which friction is isotropic
   Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
-  Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();  // u* + bias
+  Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();        // u* + bias
   double give = 0;
   Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
   Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a stage
@@ -222,9 +222,9 @@ class CompliantRows {
   std::vector<int> block_of_, port_of_, order_;
   EliminationOrder elimination_;
   std::vector<Freedoms> blocks_;
-  std::vector<double> by_freedom_;    // of ports
+  std::vector<double> by_freedom_;  // of ports
   std::size_t by_freedom_used_ = 0;
-  std::vector<double> storage_;       // Y of blocks with fewer rows than freedoms
+  std::vector<double> storage_;           // Y of blocks with fewer rows than freedoms
   std::vector<PaddedBlock> S_ab_, S_ba_;  // a pair
   std::vector<double> push_, F_;
   std::vector<double> squeeze_H_, squeeze_;

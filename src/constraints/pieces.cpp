@@ -30,8 +30,7 @@ double CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) 
 double CompliantRows::AddGap(PointRows& point, double gap2) {
   // rho of the normal, since R_t is of the size of R_n
   const double rho = 1 / (point.inverse_mass + point.law.R_n);
-  return AddGap(point.inverse_mass, gap2,
-                kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum()));
+  return AddGap(point.inverse_mass, gap2, kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum()));
 }
 
 void CompliantRows::TakePiece(const PairRows& pair, PointRows& point, bool first) {
@@ -53,8 +52,8 @@ void CompliantRows::TakePiece(const PairRows& pair, PointRows& point, bool first
   const bool goes_on = first && point.held_use > 1 && y.size > kAtBound * y.bound && y.size > 0;
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
-  const bool slides = (y.Slides() || goes_on) &&
-                      !(law.share == 1 && y.tangent.dot(point.impulse.tail<2>()) < 0);
+  const bool slides =
+      (y.Slides() || goes_on) && !(law.share == 1 && y.tangent.dot(point.impulse.tail<2>()) < 0);
   point.state = slides ? ContactMode::kSliding : ContactMode::kSticking;
   law.Linearize(y, slides, point.D);
   if (slides) point.by_share.tail<2>() = law.ByShare(y);
@@ -69,9 +68,9 @@ void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double
     const BoundLaw law = point.moments.At(k, y_n);
     const double moment = point.moment[k], inverse = point.inverse_inertia[k];
     const double y = law.Trial(moment, turning[k], inverse), gap = moment - law.Project(y);
-    point.off2 += AddGap(inverse, gap * gap,
-                         kRounding * (NaturalMapScale(inverse, law.R) * std::abs(point.angular_base[k]) +
-                                      std::abs(moment)));
+    point.off2 += AddGap(
+        inverse, gap * gap,
+        kRounding * (NaturalMapScale(inverse, law.R) * std::abs(point.angular_base[k]) + std::abs(moment)));
     if (!with_piece) continue;
     if (law.IsWithin(y)) {
       point.D_turn(k, k) = 1 / law.R;
@@ -94,7 +93,8 @@ double CompliantRows::ReadLimit(LimitRows& limit, const double* d) {
   }
   limit.w = w;
   const double y = limit.law.Trial(limit.impulse, w, limit.inverse_mass);
-  const double gap = limit.impulse - limit.law.Project(y), rho = NaturalMapScale(limit.inverse_mass, limit.law.R);
+  const double gap = limit.impulse - limit.law.Project(y),
+               rho = NaturalMapScale(limit.inverse_mass, limit.law.R);
   limit.off2 = AddGap(limit.inverse_mass, gap * gap, kRounding * (rho * reach + std::abs(limit.impulse)));
   return y;
 }

@@ -56,14 +56,22 @@ void AddSixTimesSix(const double* X, int stride, int n, SixRows T, int columns, 
   for (; n >= 8; n -= 8, X += 8, out += 8)
     AddRowsTimesSix<2, false, false>(X, stride, T, columns, out, out_stride);
   switch (n) {
-    case 1: return AddRowsTimesSix<0, false, true>(X, stride, T, columns, out, out_stride);
-    case 2: return AddRowsTimesSix<0, true, false>(X, stride, T, columns, out, out_stride);
-    case 3: return AddRowsTimesSix<0, true, true>(X, stride, T, columns, out, out_stride);
-    case 4: return AddRowsTimesSix<1, false, false>(X, stride, T, columns, out, out_stride);
-    case 5: return AddRowsTimesSix<1, false, true>(X, stride, T, columns, out, out_stride);
-    case 6: return AddRowsTimesSix<1, true, false>(X, stride, T, columns, out, out_stride);
-    case 7: return AddRowsTimesSix<1, true, true>(X, stride, T, columns, out, out_stride);
-    default: return;
+    case 1:
+      return AddRowsTimesSix<0, false, true>(X, stride, T, columns, out, out_stride);
+    case 2:
+      return AddRowsTimesSix<0, true, false>(X, stride, T, columns, out, out_stride);
+    case 3:
+      return AddRowsTimesSix<0, true, true>(X, stride, T, columns, out, out_stride);
+    case 4:
+      return AddRowsTimesSix<1, false, false>(X, stride, T, columns, out, out_stride);
+    case 5:
+      return AddRowsTimesSix<1, false, true>(X, stride, T, columns, out, out_stride);
+    case 6:
+      return AddRowsTimesSix<1, true, false>(X, stride, T, columns, out, out_stride);
+    case 7:
+      return AddRowsTimesSix<1, true, true>(X, stride, T, columns, out, out_stride);
+    default:
+      return;
   }
 }
 

@@ -29,13 +29,13 @@ struct PortRows {
   // A foot has its leg's and, with those of other legs between them, the base's.
   const double* Y_apart = nullptr;  // freedoms_apart x 6, of the same stride
   int begin_apart = 0, freedoms_apart = 0;
-  int row = 0;                       // in the stacked velocities
-  int first_pair = -1;               // that it is one of; the others by PairRows::next
-  const double* by_freedom = nullptr;         // Y again, padded, all freedoms one after another
-  Padded6 change = Padded6::Zero();           // Yᵀ d
-  Padded6 push = Padded6::Zero();             // impulse on the port
-  PaddedBlock S = PaddedBlock::Zero();        // Σ Jᵀ D J
-  PaddedBlock W = PaddedBlock::Zero();        // Yᵀ Y
+  int row = 0;                          // in the stacked velocities
+  int first_pair = -1;                  // that it is one of; the others by PairRows::next
+  const double* by_freedom = nullptr;   // Y again, padded, all freedoms one after another
+  Padded6 change = Padded6::Zero();     // Yᵀ d
+  Padded6 push = Padded6::Zero();       // impulse on the port
+  PaddedBlock S = PaddedBlock::Zero();  // Σ Jᵀ D J
+  PaddedBlock W = PaddedBlock::Zero();  // Yᵀ Y
   Padded6 W_diagonal = Padded6::Zero();
 
   void SetChange(const double* d);

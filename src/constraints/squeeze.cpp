@@ -34,7 +34,8 @@ void CompliantRows::FadeSqueeze() {
   double share = 1;
   for (const PointRows& point : points)
     if (point.fades)
-      share = std::min(share, FrictionCone::ShareWithin(point.held, point.least, kInside * point.HeldBound()));
+      share =
+          std::min(share, FrictionCone::ShareWithin(point.held, point.least, kInside * point.HeldBound()));
   for (PointRows& point : points) {
     if (!point.fades) continue;
     point.held += share * (point.least - point.held);
@@ -66,7 +67,8 @@ bool CompliantRows::LeastByFreedoms() {
         port.S += M * b.lazyProduct(b.topRows<6>().transpose());
         port.push += b * point.held;
       }
-      if (pairs[p].port_a >= 0 && pairs[p].port_b >= 0) S_ab_[p] += M * a.lazyProduct(b.topRows<6>().transpose());
+      if (pairs[p].port_a >= 0 && pairs[p].port_b >= 0)
+        S_ab_[p] += M * a.lazyProduct(b.topRows<6>().transpose());
     }
     S_ba_[p].topRows<6>() = S_ab_[p].topRows<6>().transpose();
   }

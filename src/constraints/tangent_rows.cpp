@@ -149,8 +149,8 @@ double TangentRows::AddProducts(int groups) {
   for (std::ptrdiff_t j = 0; j < groups; ++j)
     for (std::ptrdiff_t i = j; i < groups; ++i) {
       Span common[16];
-      const int spans = of_group_[static_cast<std::size_t>(i)].Common(of_group_[static_cast<std::size_t>(j)],
-                                                                      common);
+      const int spans =
+          of_group_[static_cast<std::size_t>(i)].Common(of_group_[static_cast<std::size_t>(j)], common);
       Quad c0 = Quad::Zero(), c1 = c0, c2 = c0, c3 = c0;
       for (int k = 0; k < spans; ++k) {
         const double *x = rows_.data() + i * of_four + 4 * common[k].begin,

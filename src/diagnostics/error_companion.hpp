@@ -1,8 +1,8 @@
 // What the equations of motion of all coordinates miss in the motion of one mechanism, and their tangent.
 #pragma once
 
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/solve.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/world/world.hpp>
 #include <vector>
 
@@ -83,7 +83,7 @@ class ErrorCompanion {
   bool by_euler_ = true;
   VectorX q_[3];         // of the node before, the node, the node after it
   RigidTransform X_[3];  // X_WR
-  VectorX v_[3];           // between: before the node before, before the node, after it
+  VectorX v_[3];         // between: before the node before, before the node, after it
   Vector6 V_[3];
   Loads loads_[2], mean_;  // of the step to the node, and from it
   Kinematics kinematics_, scratch_;

@@ -43,7 +43,8 @@ void ErrorContacts::ComputeRows(const World& world, const std::vector<ContactRec
   for (const ContactRecord& c : contacts) {
     if (c.impulse(0) <= 0) continue;
     const double depth = std::max(0.0, -c.point.gap);
-    Contact kept{MatrixX::Zero(6, size), c.impulse, Vector3::Zero(), depth, h, c.friction > 0 && c.use <= 1, {}};
+    Contact kept{MatrixX::Zero(6, size),       c.impulse, Vector3::Zero(), depth, h,
+                 c.friction > 0 && c.use <= 1, {}};
     const double most = (1 - kSpare) * c.impulse(0);
     kept.turns[0] = std::abs(c.moment(0)) < most * c.point.torsion;
     kept.turns[1] = kept.turns[2] = c.moment.tail<2>().norm() < most * c.point.rolling;

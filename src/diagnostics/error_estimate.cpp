@@ -16,9 +16,9 @@
 namespace fork1s {
 namespace {
 
-constexpr int kParts = 3;                       // interior, nonlinear, time
+constexpr int kParts = 3;  // interior, nonlinear, time
 constexpr int kTime = 2;
-constexpr int kSubsteps = 4;                   // of the companion in a step
+constexpr int kSubsteps = 4;                    // of the companion in a step
 constexpr double kGamma = 0.29289321881345254;  // 1 - 1/√2
 
 }  // namespace
@@ -32,7 +32,7 @@ struct ErrorEstimate::Detail {
   bool linearised = false;
   double h = 0;
 
-  MatrixX e, rate;  // size x kParts
+  MatrixX e, rate;       // size x kParts
   MatrixX force, turn;   // at the node, missing for rates that do not change, and for their change over h
   VectorX drag;          // of half of that change
   VectorX kink;          // of controls whose slope changes at the node

@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/diagnostics/load_factor.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/null_space.hpp>
 #include <fork1s/linalg/products.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/world/rolling.hpp>
 
 namespace fork1s {

@@ -32,14 +32,16 @@ std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, const mjData&
     case mjTRN_JOINT:
     case mjTRN_JOINTINPARENT:
       if (m.jnt_type[m.actuator_trnid[2 * i]] == mjJNT_FREE) {
-        return ActuatorRefusal{"actuator on a free joint", "a free body is pushed by pulls, not by actuators"};
+        return ActuatorRefusal{"actuator on a free joint",
+                               "a free body is pushed by pulls, not by actuators"};
       }
       return std::nullopt;
     case mjTRN_TENDON:
     case mjTRN_SLIDERCRANK:
     case mjTRN_SITE:
       if (!HearsFreeJoint(m, ActuatorLength(m, d, i))) return std::nullopt;
-      return ActuatorRefusal{"actuator on a free body", "a push that turns with a free body is not simulated"};
+      return ActuatorRefusal{"actuator on a free body",
+                             "a push that turns with a free body is not simulated"};
     case mjTRN_BODY:
       return ActuatorRefusal{"adhesion actuator", "adhesion is not simulated"};
     case mjTRN_SO3:
@@ -52,7 +54,8 @@ std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, const mjData&
 std::optional<ActuatorRefusal> WhyNoForce(const mjModel& m, int i) {
   const int dynamics = m.actuator_dyntype[i], gain = m.actuator_gaintype[i], bias = m.actuator_biastype[i];
   if (const std::string plugin = PluginName(m, i); !plugin.empty() && plugin != kPidPlugin) {
-    return ActuatorRefusal{fmt::format("actuator of plugin {}", plugin), "what a plugin computes is not known here"};
+    return ActuatorRefusal{fmt::format("actuator of plugin {}", plugin),
+                           "what a plugin computes is not known here"};
   }
   if (dynamics == mjDYN_MUSCLE || gain == mjGAIN_MUSCLE || bias == mjBIAS_MUSCLE) {
     return ActuatorRefusal{"muscle", "muscles are not simulated"};
@@ -76,10 +79,12 @@ std::optional<ActuatorRefusal> WhyNoForce(const mjModel& m, int i) {
   }
   const bool affine = bias == mjBIAS_AFFINE;
   if (affine && Bias(m, i)[1] > 0) {
-    return ActuatorRefusal{"actuator with negative stiffness", "it pushes away from its target, which is unstable"};
+    return ActuatorRefusal{"actuator with negative stiffness",
+                           "it pushes away from its target, which is unstable"};
   }
   if (affine && Bias(m, i)[2] > 0) {
-    return ActuatorRefusal{"actuator with negative damping", "it feeds energy into the motion, which is unstable"};
+    return ActuatorRefusal{"actuator with negative damping",
+                           "it feeds energy into the motion, which is unstable"};
   }
   return std::nullopt;
 }
@@ -110,7 +115,8 @@ void ReadPid(const mjModel& m, LinearActuator& a) {
   const int i = a.actuator;
   AddPidInputs(m, a);
   if (Gain(m, i)[0] != 0) a.left_out.push_back("its integral gain");
-  if (m.actuator_actnum[i] > (Gain(m, i)[0] != 0 ? 1 : 0)) a.left_out.push_back("the slew limit of its set-point");
+  if (m.actuator_actnum[i] > (Gain(m, i)[0] != 0 ? 1 : 0))
+    a.left_out.push_back("the slew limit of its set-point");
 }
 
 // A motor at voltage V gives K (V - K dL/dt)/R; its controller, where one is on board, makes the torque that
@@ -158,7 +164,8 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
     default:
       break;
   }
-  if (m.actuator_delay[i] > 0) a.left_out.push_back(fmt::format("the delay of {:.4g} s of its input", m.actuator_delay[i]));
+  if (m.actuator_delay[i] > 0)
+    a.left_out.push_back(fmt::format("the delay of {:.4g} s of its input", m.actuator_delay[i]));
   if (m.actuator_gaintype[i] == mjGAIN_DCMOTOR) {
     ReadDcMotor(m, a);
   } else if (m.actuator_gaintype[i] == mjGAIN_PID) {

@@ -107,7 +107,8 @@ void AddDrive(Conversion& c, const LinearActuator& a) {
 void ConvertActuators(Conversion& c) {
   const mjModel& m = c.m;
   if (m.opt.disableflags & mjDSBL_ACTUATION) {
-    if (m.nactuator > 0) c.Dropped(fmt::format("{} actuators", m.nactuator), "actuation is switched off in <option>");
+    if (m.nactuator > 0)
+      c.Dropped(fmt::format("{} actuators", m.nactuator), "actuation is switched off in <option>");
     return;
   }
   std::map<std::string, std::pair<std::string, std::vector<std::string>>> refused;

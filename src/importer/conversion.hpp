@@ -39,10 +39,10 @@ struct Component {
 
 /// Bookkeeping beside a ControlDef.
 struct ControlSource {
-  int ctrl = -1;       // index of the file's control; -1: made by pd
-  int act = -1;        // of the activation of an integrator or a filter
+  int ctrl = -1;            // index of the file's control; -1: made by pd
+  int act = -1;             // of the activation of an integrator or a filter
   bool integrated = false;  // the activation is the set-point, ctrl its rate
-  bool motor = false;  // pushes on one freedom and holds nothing
+  bool motor = false;       // pushes on one freedom and holds nothing
   std::vector<int> dofs;
   std::vector<std::pair<int, double>> pd;  // dof and rest, for controls made by pd
   PdGains gains;                           // of those
@@ -77,7 +77,7 @@ struct Conversion {
   std::vector<double> k, c;
   std::vector<std::vector<std::string>> held_by;
   std::vector<bool> in_spring, coupled;
-  std::vector<std::vector<ControlSource>> controls;  // parallel to MechanismDef::controls
+  std::vector<std::vector<ControlSource>> controls;   // parallel to MechanismDef::controls
   std::vector<int> path_of_tendon, path_of_actuator;  // in its mechanism; -1: not yet made
   int initial_keyframe = -1;
 

@@ -102,8 +102,10 @@ std::string OneLine(std::string text) {
 std::string Remedy(const std::string& message) {
   const auto says = [&](const char* part) { return message.find(part) != std::string::npos; };
   if (says("unrecognized attribute") || says("unrecognized element") || says("invalid keyword")) {
-    return fmt::format("; if the word is right, this reader, MuJoCo {}, does not know it: remove it or write it the way "
-                       "that version does", mj_versionString());
+    return fmt::format(
+        "; if the word is right, this reader, MuJoCo {}, does not know it: remove it or write it the way "
+        "that version does",
+        mj_versionString());
   }
   if (says("DEPTH_EXCEEDED") || says("nesting is too deep")) {
     return "; the reader stops at about 96 nested bodies: split the chain into two trees joined by a weld "

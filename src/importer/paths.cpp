@@ -104,9 +104,9 @@ int Conversion::PathOf(const Length& length) {
   const int mechanism = MechanismOf(length.terms[0].first);
   auto& paths = scene.mechanisms[static_cast<std::size_t>(mechanism)].paths;
   made = static_cast<int>(paths.size());
-  paths.push_back(thread ? ThreadOf(*this, length.tendon, mechanism)
-                   : IsOnBall(m, length.actuator) ? PathOfBall(*this, length.actuator, mechanism)
-                                                  : PathOfSites(*this, length.actuator, mechanism));
+  paths.push_back(thread                         ? ThreadOf(*this, length.tendon, mechanism)
+                  : IsOnBall(m, length.actuator) ? PathOfBall(*this, length.actuator, mechanism)
+                                                 : PathOfSites(*this, length.actuator, mechanism));
   return made;
 }
 

@@ -141,8 +141,10 @@ bool TendonWorks(const mjModel& m, const mjData& d, int t) {
 void ConvertSprings(Conversion& c) {
   const mjModel& m = c.m;
   const bool no_springs = m.opt.disableflags & mjDSBL_SPRING, no_dampers = m.opt.disableflags & mjDSBL_DAMPER;
-  if (no_springs) c.Note(ImportNote::Kind::kChanged, "option", "springs of joints and tendons are switched off");
-  if (no_dampers) c.Note(ImportNote::Kind::kChanged, "option", "dampers of joints and tendons are switched off");
+  if (no_springs)
+    c.Note(ImportNote::Kind::kChanged, "option", "springs of joints and tendons are switched off");
+  if (no_dampers)
+    c.Note(ImportNote::Kind::kChanged, "option", "dampers of joints and tendons are switched off");
   for (int j = 0; j < m.njnt; ++j) AddJointSpring(c, j);
   std::vector<std::string> on_free;
   for (int t = 0; t < m.ntendon; ++t) {

@@ -44,7 +44,8 @@ std::optional<Error> CheckJoint(const Conversion& c, int j) {
 std::optional<Error> CheckActuator(const Conversion& c, int i) {
   const mjModel& m = c.m;
   if (Finite(m.actuator_gainprm + mjNGAIN * i, mjNGAIN) &&
-      Finite(m.actuator_biasprm + mjNBIAS * i, mjNBIAS) && Finite(m.actuator_gear + 6 * m.actuator_outadr[i], 6)) {
+      Finite(m.actuator_biasprm + mjNBIAS * i, mjNBIAS) &&
+      Finite(m.actuator_gear + 6 * m.actuator_outadr[i], 6)) {
     return std::nullopt;
   }
   return c.ModelError(fmt::format("actuator '{}'", c.actuator_names[i]),

@@ -82,14 +82,13 @@ constexpr bool (*kFactorTiny[])(const double*, std::ptrdiff_t, double*, std::ptr
     FactorTiny<5, last_first>,
     FactorTiny<6, last_first>};
 template <bool last_first>
-constexpr void (*kSolveTiny[])(const double*, std::ptrdiff_t, double*) = {
-    nullptr,
-    SolveTiny<1, last_first>,
-    SolveTiny<2, last_first>,
-    SolveTiny<3, last_first>,
-    SolveTiny<4, last_first>,
-    SolveTiny<5, last_first>,
-    SolveTiny<6, last_first>};
+constexpr void (*kSolveTiny[])(const double*, std::ptrdiff_t, double*) = {nullptr,
+                                                                          SolveTiny<1, last_first>,
+                                                                          SolveTiny<2, last_first>,
+                                                                          SolveTiny<3, last_first>,
+                                                                          SolveTiny<4, last_first>,
+                                                                          SolveTiny<5, last_first>,
+                                                                          SolveTiny<6, last_first>};
 static_assert(std::size(kFactorTiny<true>) == kTiny + 1 && std::size(kSolveTiny<true>) == kTiny + 1);
 
 // The same in place by columns padded to whole registers, each from those before it: of 24 rows in half the

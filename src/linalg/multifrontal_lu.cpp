@@ -57,7 +57,8 @@ std::vector<Elimination> OrderOfElimination(const std::vector<int>& sizes,
 
 }  // namespace
 
-MultifrontalLu::MultifrontalLu(const std::vector<int>& sizes, const std::vector<std::pair<int, int>>& couplings)
+MultifrontalLu::MultifrontalLu(const std::vector<int>& sizes,
+                               const std::vector<std::pair<int, int>>& couplings)
     : front_of_(sizes.size(), -1) {
   std::vector<int> first(sizes.size() + 1, 0);  // row of A of each block
   std::partial_sum(sizes.begin(), sizes.end(), first.begin() + 1);
@@ -100,7 +101,8 @@ MultifrontalLu::MultifrontalLu(const std::vector<int>& sizes, const std::vector<
     const int* begin = rows_.data() + parent.first_row;
     for (int i = front.own; i < front.size; ++i) {
       const int at = static_cast<int>(
-          std::find(begin, begin + parent.size, rows_[static_cast<std::size_t>(front.first_row + i)]) - begin);
+          std::find(begin, begin + parent.size, rows_[static_cast<std::size_t>(front.first_row + i)]) -
+          begin);
       if (front.last_run > front.first_run && runs_.back().to + runs_.back().count == at) {
         ++runs_.back().count;
       } else {
@@ -119,7 +121,8 @@ MultifrontalLu::Place MultifrontalLu::PlaceOf(int row, int column) const {
   const auto f = static_cast<std::size_t>(
       std::min(front_of_[static_cast<std::size_t>(row)], front_of_[static_cast<std::size_t>(column)]));
   const auto find = [&](int block) {
-    const auto it = std::find_if(blocks_[f].begin(), blocks_[f].end(), [&](const auto& b) { return b.first == block; });
+    const auto it =
+        std::find_if(blocks_[f].begin(), blocks_[f].end(), [&](const auto& b) { return b.first == block; });
     FORK1S_REQUIRE(it != blocks_[f].end(), row, column);
     return static_cast<std::size_t>(it->second);
   };
@@ -127,7 +130,8 @@ MultifrontalLu::Place MultifrontalLu::PlaceOf(int row, int column) const {
   return {front.begin + find(row) + find(column) * static_cast<std::size_t>(front.size), front.size};
 }
 
-void MultifrontalLu::FindFill(const std::vector<int>& sizes, const std::vector<std::pair<int, int>>& couplings) {
+void MultifrontalLu::FindFill(const std::vector<int>& sizes,
+                              const std::vector<std::pair<int, int>>& couplings) {
   std::vector<char> is_fill(values_.size(), 1);
   for (const auto& [row, column] : couplings) {
     const Place place = PlaceOf(row, column);
@@ -187,8 +191,8 @@ void Scatter(const double* scratch, const int* rows, int count, double* x) {
 // Rows of x, `stride` apart: row `to` less a[0] times row rows[0], a[next] times row rows[1] and so on, then times
 // `scale`. Strips of kCount packets stay in registers.
 template <class Some, int kCount>
-void SubtractRows(const double* a, std::ptrdiff_t next, const int* rows, int count, std::ptrdiff_t stride, double* x,
-                  int to, double scale) {
+void SubtractRows(const double* a, std::ptrdiff_t next, const int* rows, int count, std::ptrdiff_t stride,
+                  double* x, int to, double scale) {
   constexpr int kSize = Some::RowsAtCompileTime;
   Some sum[kCount];
   double* const out = x + to * stride;
@@ -259,9 +263,10 @@ void MultifrontalLu::SolveStrip(std::ptrdiff_t stride, double* x) const {
     const Front& front = fronts_[f];
     const int* rows = rows_.data() + front.first_row;
     for (int i = front.own - 1; i >= 0; --i) {
-      const double* diagonal = values_.data() + front.begin + static_cast<std::ptrdiff_t>(i) * (front.size + 1);
-      SubtractRows<Some, kCount>(diagonal + front.size, front.size, rows + i + 1, front.size - i - 1, stride, x,
-                                 rows[i], 1 / *diagonal);
+      const double* diagonal =
+          values_.data() + front.begin + static_cast<std::ptrdiff_t>(i) * (front.size + 1);
+      SubtractRows<Some, kCount>(diagonal + front.size, front.size, rows + i + 1, front.size - i - 1, stride,
+                                 x, rows[i], 1 / *diagonal);
     }
   }
 }

@@ -41,7 +41,8 @@ NullSpace ComputeNullSpace(const MatrixX& A) {
     out.rank = DecideRank(svd.values);
     basis = svd.vectors;
     if (out.rank.doubtful()) {
-      const bool last_kept = out.rank.value > 0 && out.rank.kept * out.rank.dropped <= kRankThreshold * kRankThreshold;
+      const bool last_kept =
+          out.rank.value > 0 && out.rank.kept * out.rank.dropped <= kRankThreshold * kRankThreshold;
       out.doubtful = basis.col(std::min(n - 1, Eigen::Index{out.rank.value} - (last_kept ? 1 : 0)));
     }
   }
@@ -88,7 +89,8 @@ std::vector<Eigen::Index> RowOrder(const MatrixX& B) {
   std::vector<Eigen::Index> order(static_cast<std::size_t>(B.rows()));
   std::iota(order.begin(), order.end(), Eigen::Index{0});
   const VectorX size = B.rowwise().squaredNorm();
-  std::stable_sort(order.begin(), order.end(), [&](Eigen::Index i, Eigen::Index j) { return size(i) > size(j); });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Eigen::Index i, Eigen::Index j) { return size(i) > size(j); });
   return order;
 }
 

@@ -26,7 +26,8 @@ void AddTile(const RowMatrixX& Q, const WeightedRows& of, double factor, int row
   }
   for (int c = first_column - column; c < 4; ++c) {
     double* to = &A(of.begin + row, of.begin + column + c);
-    for (int r = std::max(first_row, column + c) - row; r < 4 * kQuads; ++r) to[r] += factor * sum[c][r / 4][r % 4];
+    for (int r = std::max(first_row, column + c) - row; r < 4 * kQuads; ++r)
+      to[r] += factor * sum[c][r / 4][r % 4];
   }
 }
 

@@ -39,7 +39,8 @@ bool IsPeriodic(const Mechanism& mechanism, const Mechanism::Joint& joint) {
 }
 
 // The rows of W⁻¹ R_Pᵀ are the columns of R_P W⁻ᵀ, sums of columns of R_P.
-Matrix3 AngularVelocityMap(const Mechanism&, const Kinematics& kinematics, const Mechanism::Rotation& rotation) {
+Matrix3 AngularVelocityMap(const Mechanism&, const Kinematics& kinematics,
+                           const Mechanism::Rotation& rotation) {
   const double* R = kinematics.P[rotation.joint.u()].data();
   const Matrix3& W_inverse = rotation.axes_inverse;
   const Quad x = QuadAt(R), y = QuadAt(R + 3), z = QuadAt(R + 6);
@@ -83,8 +84,8 @@ void ComputeJointAccelerations(const Mechanism& mechanism, const Kinematics& kin
     if (const double speed = x_dot.norm(); speed > 0) {
       const double step = 1e-4 / speed;  // s
       // The right Jacobian is the left one of the opposite rotation.
-      rate += rotation.axes_inverse * ((DexpRotation(-x - step * x_dot) - DexpRotation(-x + step * x_dot)) * x_dot) /
-              (2 * step);
+      rate += rotation.axes_inverse *
+              ((DexpRotation(-x - step * x_dot) - DexpRotation(-x + step * x_dot)) * x_dot) / (2 * step);
     }
     SetSegment(rotation, rate, nu_dot);
   }
@@ -101,7 +102,8 @@ void SubtractArmatureForces(const Mechanism& mechanism, const Kinematics& kinema
 
 void ConvertToCoordinateForces(const Mechanism& mechanism, const Kinematics& kinematics, VectorX& f) {
   for (const Mechanism::Rotation& rotation : mechanism.rotations())
-    SetSegment(rotation, AngularVelocityMap(mechanism, kinematics, rotation).transpose() * Segment(rotation, f), f);
+    SetSegment(rotation,
+               AngularVelocityMap(mechanism, kinematics, rotation).transpose() * Segment(rotation, f), f);
 }
 
 }  // namespace fork1s

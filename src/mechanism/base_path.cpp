@@ -15,8 +15,9 @@ double Larger(const Vector3& a, const Vector3& b) { return std::max(a.norm(), b.
 
 }  // namespace
 
-BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_start, const RigidTransform& X_end,
-                         const std::optional<Vector6>& rate_end, const BaseHistory& history, double h) {
+BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_start,
+                         const RigidTransform& X_end, const std::optional<Vector6>& rate_end,
+                         const BaseHistory& history, double h) {
   BasePath path;
   path.X_start = X_start;
   path.X_end = X_end;
@@ -56,7 +57,8 @@ Vector6 BasePath::DisplacementAt(double share) const {
 RigidTransform BasePath::PoseAt(double share) const {
   if (share >= 1) return X_end;
   const Vector6 at = DisplacementAt(share);
-  return {Matrix3(ExpRotation(at.head<3>()) * X_start.rotation()), Vector3(X_start.translation() + at.tail<3>())};
+  return {Matrix3(ExpRotation(at.head<3>()) * X_start.rotation()),
+          Vector3(X_start.translation() + at.tail<3>())};
 }
 
 std::optional<Vector6> BaseRateOf(const Vector6& coordinates, const Vector6& last_coordinates,

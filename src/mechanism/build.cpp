@@ -324,7 +324,8 @@ std::optional<Mechanism::Rotation> FindRotation(const Matrix6X& screws, const Me
     rotation.coordinates[count] = i;
     rotation.axes.col(static_cast<Eigen::Index>(count++)) = screws.col(i).head<3>();
   }
-  if (count < 3 || DecideRank(SingularValues(rotation.axes.colwise().normalized())).value < 3) return std::nullopt;
+  if (count < 3 || DecideRank(SingularValues(rotation.axes.colwise().normalized())).value < 3)
+    return std::nullopt;
   rotation.axes_inverse = rotation.axes.inverse();
   return rotation;
 }
@@ -466,8 +467,8 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     return form;
   };
   for (const SpringDef& s : def.springs)
-    m.springs_.push_back({s.name, form_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness,
-                          s.higher_damping, s.slack});
+    m.springs_.push_back(
+        {s.name, form_of(s), s.stiffness, s.damping, s.rest, s.higher_stiffness, s.higher_damping, s.slack});
   // The spring of a rotation acts on θ, its damper on ω. A servo with force bounds is one force along θ,
   // damper included: along ω, a bound on their sum would leave a force that does not dissipate.
   const auto is_bounded_servo = [&](const SpringDef& spring) {
@@ -482,14 +483,15 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     if (std::none_of(spring.length.terms.begin(), spring.length.terms.end(), rotates) ||
         (spring.damping == 0 && spring.higher_damping == none) || is_bounded_servo(def.springs[i]))
       continue;
-    Mechanism::Spring damper{spring.name, rate_form_of(def.springs[i]), 0, spring.damping, 0, none,
-                             spring.higher_damping, 0};
+    Mechanism::Spring damper{spring.name, rate_form_of(def.springs[i]), 0, spring.damping, 0,
+                             none,        spring.higher_damping,        0};
     spring.damping = 0;
     spring.higher_damping = none;
     m.springs_.push_back(std::move(damper));
   }
   for (const ControlDef& c : def.controls)
-    m.controls_.push_back({c.name, c.is_setpoint ? form_of(c) : rate_form_of(c), c.gain, c.lower, c.upper, c.initial});
+    m.controls_.push_back(
+        {c.name, c.is_setpoint ? form_of(c) : rate_form_of(c), c.gain, c.lower, c.upper, c.initial});
   for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, rate_form_of(f), f.force});
   for (int i = 0; i < n; ++i)
     if (std::isfinite(m.lower_(i)) || std::isfinite(m.upper_(i)))
@@ -502,12 +504,12 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
       const int control = FindControl(def, name);
       inputs.emplace_back(control, share * def.controls[static_cast<std::size_t>(control)].gain);
     }
-    m.force_limits_.push_back(
-        {f.name, f.stiffness > 0 ? form_of(f) : rate_form_of(f), std::move(inputs), f.stiffness, f.damping, f.rest,
-         f.lower, f.upper});
+    m.force_limits_.push_back({f.name, f.stiffness > 0 ? form_of(f) : rate_form_of(f), std::move(inputs),
+                               f.stiffness, f.damping, f.rest, f.lower, f.upper});
   }
   if (!both.empty())
-    return Refuse(Named("length", both), "acts along a path and on a rotation vector at once; give one of each");
+    return Refuse(Named("length", both),
+                  "acts along a path and on a rotation vector at once; give one of each");
   for (const CouplingDef& c : def.couplings) {
     Mechanism::Coupling coupling;
     coupling.name = c.name;

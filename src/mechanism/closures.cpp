@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/rank.hpp>
+#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/one_unit.hpp>
+#include <limits>
 
 namespace fork1s {
 namespace internal {

@@ -45,7 +45,9 @@ class Axes {
 
  private:
   template <class Three>
-  Quad Turned(const Three& v) const { return v[0] * x_ + v[1] * y_ + v[2] * z_; }
+  Quad Turned(const Three& v) const {
+    return v[0] * x_ + v[1] * y_ + v[2] * z_;
+  }
 
   Quad x_, y_, z_;
   Vector3 p_;

@@ -45,9 +45,11 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
            "1: controls moved within the step, from those of the step before to those of this one; 0: they "
            "were held"},
     s.controls_moved);
-  f(Column{"steps/base_rates", kS, n.base_rates, 0, "m/s, or rad/s of the rotation vector",
-           "rates of driven bases at the end of the step, NaN: not given; columns: the last of /names/controls"},
-    s.base_rates);
+  f(
+      Column{
+          "steps/base_rates", kS, n.base_rates, 0, "m/s, or rad/s of the rotation vector",
+          "rates of driven bases at the end of the step, NaN: not given; columns: the last of /names/controls"},
+      s.base_rates);
   f(Column{"steps/poses", kS, 7 * n.bodies, 7, "m, 1",
            "x y z qw qx qy qz of every body in the world after the step; second dimension: /names/bodies"},
     s.poses);

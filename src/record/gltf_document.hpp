@@ -51,7 +51,7 @@ class GltfDocument {
   GltfJson json_;
   GltfJson accessors_ = GltfJson::array();
   std::array<std::string, 4> views_;
-  std::vector<View> used_;  // views by their number in the document
+  std::vector<View> used_;           // views by their number in the document
   std::vector<std::string> images_;  // a view each, after these
 };
 

@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <chrono>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <optional>
 
 #include "columns.hpp"

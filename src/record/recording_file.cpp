@@ -16,8 +16,7 @@ void CheckPlaces(const RecordingHeader& h) {
       throw Hdf5Fault("the list of bodies does not match the scene");
   };
   for (std::size_t m = 0; m < h.scene.mechanisms.size(); ++m)
-    for (std::size_t i = 0; i < h.scene.mechanisms[m].bodies.size(); ++i)
-      check(static_cast<int>(m), i);
+    for (std::size_t i = 0; i < h.scene.mechanisms[m].bodies.size(); ++i) check(static_cast<int>(m), i);
   for (std::size_t i = 0; i < h.scene.free_bodies.size(); ++i) check(-1, i);
 }
 

@@ -2,10 +2,10 @@
 #include <fmt/format.h>
 #include <cstring>
 #include <filesystem>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/names.hpp>
 #include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recovery_buffers.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>

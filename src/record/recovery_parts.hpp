@@ -1,8 +1,8 @@
 // What tables and frames of RecoveryBuffers have to agree on.
 #pragma once
 
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 namespace fork1s::internal {
 

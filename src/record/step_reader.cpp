@@ -8,8 +8,9 @@ namespace {
 Widths WidthsOf(const RecordingHeader& header) {
   Widths n;
   n.controls = static_cast<int>(header.control_names.size());
-  n.base_rates = 6 * static_cast<int>(std::count_if(header.scene.mechanisms.begin(), header.scene.mechanisms.end(),
-                                                    [](const auto& m) { return m.base == BaseKind::kDriven; }));
+  n.base_rates =
+      6 * static_cast<int>(std::count_if(header.scene.mechanisms.begin(), header.scene.mechanisms.end(),
+                                         [](const auto& m) { return m.base == BaseKind::kDriven; }));
   n.bodies = static_cast<int>(header.bodies.size());
   n.mechanisms = static_cast<int>(header.scene.mechanisms.size());
   n.coordinates = static_cast<int>(header.coordinate_names.size());

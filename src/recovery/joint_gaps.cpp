@@ -4,7 +4,6 @@
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/recovery/recover.hpp>
 
-
 namespace fork1s {
 namespace {
 
@@ -76,7 +75,8 @@ double FittedGap(const Mechanism& mechanism, const Stack& stack, const Vector3& 
 bool IsSimple(const Mechanism& mechanism, const Stack& stack) {
   if (stack.count == 1) {
     const JointKind kind = mechanism.joint(JointIndex(stack.first)).kind;
-    if (kind == JointKind::kCylindrical || kind == JointKind::kPlanar || kind == JointKind::kFree) return true;
+    if (kind == JointKind::kCylindrical || kind == JointKind::kPlanar || kind == JointKind::kFree)
+      return true;
   }
   int turns = 0;
   for (int i = stack.offset; i < stack.offset + stack.size; ++i) {
@@ -84,7 +84,8 @@ bool IsSimple(const Mechanism& mechanism, const Stack& stack) {
     const double w = s.head<3>().norm();
     if (w == 0) continue;
     ++turns;
-    if (std::abs(s.head<3>().dot(s.tail<3>())) > 1e-9 * w * (w + s.tail<3>().norm())) return false;  // a pitch
+    if (std::abs(s.head<3>().dot(s.tail<3>())) > 1e-9 * w * (w + s.tail<3>().norm()))
+      return false;  // a pitch
   }
   return turns == 0 || turns == stack.size;
 }

@@ -131,7 +131,8 @@ class PathCompliance {
         prefix_(static_cast<std::size_t>(mechanism.num_joints()), Matrix6::Zero()),
         depth_(prefix_.size()) {
     for (const int i : coordinates)
-      prefix_[mechanism.CoordinateJoint(i).u()] += S.col(i) * (S.col(i) / mechanism.stiffness()(i)).transpose();
+      prefix_[mechanism.CoordinateJoint(i).u()] +=
+          S.col(i) * (S.col(i) / mechanism.stiffness()(i)).transpose();
     for (std::size_t j = 0; j < prefix_.size(); ++j) {
       const int previous = mechanism.joints()[j].previous;
       depth_[j] = previous < 0 ? 1 : depth_[static_cast<std::size_t>(previous)] + 1;

@@ -67,7 +67,9 @@ void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z,
 
 namespace {
 
-bool IsSame(const ReducedModel::Run& a, const ReducedModel::Run& b) { return a.begin == b.begin && a.size == b.size; }
+bool IsSame(const ReducedModel::Run& a, const ReducedModel::Run& b) {
+  return a.begin == b.begin && a.size == b.size;
+}
 
 }  // namespace
 

@@ -335,7 +335,8 @@ RankDoubt Doubt(const Mechanism& mechanism, const char* what, double kept, doubl
   std::stable_sort(order.begin(), order.end(),
                    [&](int i, int k) { return std::abs(direction(i)) > std::abs(direction(k)); });
   for (const int i : order) {
-    if (doubt.joints.size() == kNames || !(std::abs(direction(i)) > kMuch * std::abs(direction(order[0])))) break;
+    if (doubt.joints.size() == kNames || !(std::abs(direction(i)) > kMuch * std::abs(direction(order[0]))))
+      break;
     const std::string& name = mechanism.joint(mechanism.CoordinateJoint(i)).name;
     if (std::find(doubt.joints.begin(), doubt.joints.end(), name) == doubt.joints.end())
       doubt.joints.push_back(name);

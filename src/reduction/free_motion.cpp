@@ -93,8 +93,9 @@ std::string FreeMotion::Text(const Mechanism& mechanism) const {
   std::string text = body.valid() ? fmt::format("body '{}' is free to {}: ", mechanism.body(body).name,
                                                 MotionText(twist, mechanism.length_scale()))
                                   : std::string("no body that touches moves, but ");
-  text += joints.size() == 1 ? fmt::format("no spring or servo holds joint {}", names[0])
-                             : fmt::format("no spring or servo resists joints {} moving together", List(names, 5));
+  text += joints.size() == 1
+              ? fmt::format("no spring or servo holds joint {}", names[0])
+              : fmt::format("no spring or servo resists joints {} moving together", List(names, 5));
   if (!ties.empty() && joints.size() > 1) text += fmt::format(", which {} leaves free", List(ties, 3));
   return text + fmt::format("; give {} a stiffness or hold it by PD gains, {}=KP,KV",
                             joints.size() == 1 ? "it" : "one of them", first);
@@ -126,7 +127,8 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
       }
     for (int j = 0; j < mechanism.num_joints(); ++j) {
       const Mechanism::Joint& joint = mechanism.joint(JointIndex(j));
-      if (x.segment(joint.offset, joint.size).cwiseAbs().maxCoeff() > kStill) motion.joints.push_back(JointIndex(j));
+      if (x.segment(joint.offset, joint.size).cwiseAbs().maxCoeff() > kStill)
+        motion.joints.push_back(JointIndex(j));
     }
     const auto share = [&](JointIndex j) {
       return x.segment(mechanism.joint(j).offset, mechanism.joint(j).size).norm();

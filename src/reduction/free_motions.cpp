@@ -11,9 +11,7 @@
 namespace fork1s {
 namespace internal {
 
-FreeMotions FreeMotionsOf(const MatrixX& moved) {
-  return {RangeBasis(moved)};
-}
+FreeMotions FreeMotionsOf(const MatrixX& moved) { return {RangeBasis(moved)}; }
 
 namespace {
 

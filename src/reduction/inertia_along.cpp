@@ -77,8 +77,8 @@ std::vector<Matrix6> Carried(const Mechanism& mechanism, const Kinematics& kinem
 }
 
 // Entry of EᵀaE between two coordinates of a joint; a itself outside of its rotation.
-double ArmatureBetween(const Mechanism& mechanism, const Kinematics& kinematics, const Mechanism::Joint& joint, int i,
-                       int e) {
+double ArmatureBetween(const Mechanism& mechanism, const Kinematics& kinematics,
+                       const Mechanism::Joint& joint, int i, int e) {
   const Mechanism::Rotation& rotation = mechanism.rotations()[static_cast<std::size_t>(joint.rotation)];
   const auto& at = rotation.coordinates;
   const auto row = std::find(at.begin(), at.end(), i), column = std::find(at.begin(), at.end(), e);

@@ -98,10 +98,11 @@ Loads LoadsAt(const ReducedModel& model, const Kinematics& kinematics) {
 }
 
 Range StaticRange(const VectorX& c, const Loads& loads) {
-  const double springs = c.dot(loads.springs), 
+  const double springs = c.dot(loads.springs),
                weight = (loads.weight.transpose() * c).norm() + c.cwiseAbs().dot(loads.stops);
   Range range{springs - weight, springs + weight};
-  for (Eigen::Index k = 0; k < loads.lowest.cols(); ++k) range.Add(c.dot(loads.lowest.col(k)), c.dot(loads.highest.col(k)));
+  for (Eigen::Index k = 0; k < loads.lowest.cols(); ++k)
+    range.Add(c.dot(loads.lowest.col(k)), c.dot(loads.highest.col(k)));
   return range;
 }
 
@@ -121,7 +122,8 @@ std::vector<int> FindInteriorStops(const ReducedModel& model, const Kinematics& 
   if (!model.has_complement || m.length_limits().size() + m.force_limits().size() + m.frictions().size() == 0)
     return found;
   const Loads loads = LoadsAt(model, kinematics);
-  const int limits = static_cast<int>(m.length_limits().size()), servos = static_cast<int>(m.force_limits().size()),
+  const int limits = static_cast<int>(m.length_limits().size()),
+            servos = static_cast<int>(m.force_limits().size()),
             all = limits + servos + static_cast<int>(m.frictions().size());
   VectorX c(m.num_coordinates());
   for (int stop = 0; stop < all; ++stop) {
@@ -154,11 +156,12 @@ std::vector<int> FindInteriorStops(const ReducedModel& model, const Kinematics& 
   return found;
 }
 
-std::vector<char> PartsOfStops(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
-                               const std::vector<int>& stops) {
+std::vector<char> PartsOfStops(const Mechanism& mechanism, const Kinematics& kinematics,
+                               const ElasticBasis& basis, const std::vector<int>& stops) {
   std::vector<char> parts(basis.parts.size(), 0);
   for (const int stop : stops) {
-    const VectorX moved = basis.ApplyVTransposed(ArmsOf(mechanism, LengthOfStop(mechanism, stop), kinematics));
+    const VectorX moved =
+        basis.ApplyVTransposed(ArmsOf(mechanism, LengthOfStop(mechanism, stop), kinematics));
     for (std::size_t p = 0; p < parts.size(); ++p)
       if (!moved.segment(basis.parts[p].elastic, basis.parts[p].num_elastic).isZero(0)) parts[p] = 1;
   }

@@ -12,8 +12,8 @@ namespace fork1s::internal {
 /// largest actuator forces.
 std::vector<int> FindInteriorStops(const ReducedModel& model, const Kinematics& kinematics);
 /// Parts of the basis that move the lengths of those.
-std::vector<char> PartsOfStops(const Mechanism& mechanism, const Kinematics& kinematics, const ElasticBasis& basis,
-                               const std::vector<int>& stops);
+std::vector<char> PartsOfStops(const Mechanism& mechanism, const Kinematics& kinematics,
+                               const ElasticBasis& basis, const std::vector<int>& stops);
 /// "joint 'elbow'", "actuator 'servo'", "dry friction 'pin'"
 std::string NameOfStop(const Mechanism& mechanism, int stop);
 

@@ -41,8 +41,8 @@ void ByEights(int n, F&& f) {
   int i = 0;
   for (; i + 8 <= n; i += 8)
     f([i](auto* p) {
-      using Map = std::conditional_t<std::is_const_v<std::remove_reference_t<decltype(*p)>>, Eigen::Map<const Eight>,
-                                     Eigen::Map<Eight>>;
+      using Map = std::conditional_t<std::is_const_v<std::remove_reference_t<decltype(*p)>>,
+                                     Eigen::Map<const Eight>, Eigen::Map<Eight>>;
       return Map(p + i);
     });
   ByFours(n - i, [&](const auto& at) { f([&at, i](auto* p) { return at(p + i); }); });
@@ -339,10 +339,10 @@ void LoopFactor::Compute(const LoopRows& rows, const VectorX& A, const VectorX& 
     const LoopRows::Block& b = rows.blocks_[static_cast<std::size_t>(pair.block_b)];
     const auto assign = a.rows <= 4   ? b.rows <= 3 ? &AssignProducts<1, 3, LoopRows::Shared>
                                                     : &AssignProducts<1, 6, LoopRows::Shared>
-                        : b.rows <= 3 ? &AssignProducts<2, 3, LoopRows::Shared>
+                          : b.rows <= 3 ? &AssignProducts<2, 3, LoopRows::Shared>
                                       : &AssignProducts<2, 6, LoopRows::Shared>;
-    assign(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows, b.rows,
-           lu_.values() + places_[p].begin, places_[p].stride);
+    assign(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows,
+           b.rows, lu_.values() + places_[p].begin, places_[p].stride);
   }
   ok_ = lu_.Factor();
 }

@@ -140,9 +140,8 @@ void FillOperators(ReducedModel& model, const Kinematics& kinematics) {
   const auto& closures = mechanism.closures();
   const bool is_diagonal = mechanism.springs().empty() && mechanism.rotations().empty() &&
                            std::none_of(closures.begin(), closures.end(), damps);
-  model.D = is_diagonal
-                ? DiagonalCongruence(mechanism.damping(), model.Q)
-                : Congruence(DampingMatrix(mechanism, kinematics, model.q_ref), model.Q);
+  model.D = is_diagonal ? DiagonalCongruence(mechanism.damping(), model.Q)
+                        : Congruence(DampingMatrix(mechanism, kinematics, model.q_ref), model.Q);
 }
 
 // Modes among which `wanted` are chosen by contribution: all, while their dense eigenproblem stays cheap.
@@ -327,7 +326,8 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
         "{}{} may act on motions that would be left to statics under weight and the largest actuator forces: the "
         "model keeps all motions of {}",
         internal::NameOfStop(mechanism, stops[0]),
-        stops.size() == 1 ? "" : fmt::format(" and {} other stops, bounds or dry frictions", stops.size() - 1),
+        stops.size() == 1 ? ""
+                          : fmt::format(" and {} other stops, bounds or dry frictions", stops.size() - 1),
         stops.size() == 1 ? "its group of joints" : "their groups of joints"));
   }
   // After the stops: load columns would take weight's own answer out of what they are sought in.

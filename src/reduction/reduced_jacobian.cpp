@@ -165,7 +165,7 @@ inline void ReducedInertia::Sum::Add(const Sum& other) {
 
 inline void ReducedInertia::Sum::Apply(const double* twist, double* momentum) const {
   const double *w = twist, *v = twist + 3;
-  const double *m = moment.data();
+  const double* m = moment.data();
   const Quad spin = w[0] * rotational[0] + w[1] * rotational[1] + w[2] * rotational[2];
   momentum[0] = spin[0] + (m[1] * v[2] - m[2] * v[1]);
   momentum[1] = spin[1] + (m[2] * v[0] - m[0] * v[2]);
@@ -209,7 +209,8 @@ void AddOuterProducts(const double* h, const double* q, int rows, std::ptrdiff_t
 
 // h = own q + T_upᵀ f
 template <int kQuads>
-void TakeHalf(double own, const double* q, const double* f, const double* T_up, std::ptrdiff_t up_stride, double* h) {
+void TakeHalf(double own, const double* q, const double* f, const double* T_up, std::ptrdiff_t up_stride,
+              double* h) {
   Quad sum[kQuads];
   for (int k = 0; k < kQuads; ++k) sum[k] = own * QuadAt(q + 4 * k);
   for (int row = 0; row < 6; ++row, T_up += up_stride)
@@ -253,7 +254,8 @@ void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts,
 
 void ReducedInertia::ClearApart(const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz) {
   for (Eigen::Index k = 0; k < M_zz.cols(); ++k)
-    for (Eigen::Index l = std::max<Eigen::Index>(k, jacobian.reach_[static_cast<std::size_t>(k)]); l < M_zz.rows(); ++l)
+    for (Eigen::Index l = std::max<Eigen::Index>(k, jacobian.reach_[static_cast<std::size_t>(k)]);
+         l < M_zz.rows(); ++l)
       M_zz(l, k) = M_zz(k, l) = 0;
 }
 

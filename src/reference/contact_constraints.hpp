@@ -22,10 +22,10 @@ struct PointConstraint {
   // Relative velocity = J_a v[port_a] + J_b v[port_b]; rows: normal, two tangents. The linear part of J is ±
   // the contact frame, so the same part gives the relative angular velocity about the three axes.
   PointJacobian J_a = PointJacobian::Zero(), J_b = PointJacobian::Zero();
-  Vector3 bias = Vector3::Zero();                                          // m/s
-  double friction = 0, torsion = 0, rolling = 0;                           // µ; radii [m]
-  Vector2 friction_scale = Vector2::Ones();  // coefficients along the tangents as shares of µ
-  double compliance_normal = 0, compliance_tangent = 0;                    // m/s per N·s
+  Vector3 bias = Vector3::Zero();                        // m/s
+  double friction = 0, torsion = 0, rolling = 0;         // µ; radii [m]
+  Vector2 friction_scale = Vector2::Ones();              // coefficients along the tangents as shares of µ
+  double compliance_normal = 0, compliance_tangent = 0;  // m/s per N·s
   double max_penetration_speed = std::numeric_limits<double>::infinity();  // m/s
   // Of the step before, in this frame.
   Vector3 previous_impulse = Vector3::Zero(), previous_moment = Vector3::Zero();  // N·s, N·m·s

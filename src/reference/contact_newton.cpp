@@ -64,9 +64,10 @@ void AssembleNewtonSystem(const ContactProblem& problem, const std::vector<Point
     }
     for (int k = 0; k < 3; ++k) system.SetFree(problem, block.row + k);
     if (map.modes[i] == ContactMode::kSliding)
-      system.SetSliding(problem, block.row,
-                        ProjectOntoFrictionCone(map.y.segment<3>(block.row), p.LargestFriction(), p.FrictionShares())
-                            .derivative);
+      system.SetSliding(
+          problem, block.row,
+          ProjectOntoFrictionCone(map.y.segment<3>(block.row), p.LargestFriction(), p.FrictionShares())
+              .derivative);
     for (int k = 0; k < 3; ++k) {
       const int row = block.moment_row[static_cast<std::size_t>(k)];
       if (row < 0) continue;

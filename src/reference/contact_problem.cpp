@@ -58,8 +58,7 @@ InverseMass ComputeInverseMass(const PointConstraint& p, const MatrixX& W) {
 
 ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
                                       const std::vector<PointConstraint>& points,
-                                      const std::vector<BoundConstraint>& bounds,
-                                      const VectorX& velocities) {
+                                      const std::vector<BoundConstraint>& bounds, const VectorX& velocities) {
   ContactProblem problem;
   const MatrixX W_v = AssembleResponse(blocks, velocities.size());
   const auto max_rows = static_cast<Eigen::Index>(6 * points.size() + bounds.size());
@@ -209,7 +208,8 @@ void EvaluateNaturalMap(const ContactProblem& problem, const std::vector<PointCo
   for (std::size_t i = 0; i < problem.points.size(); ++i) {
     const PointBlock& block = problem.points[i];
     const PointConstraint& p = points[static_cast<std::size_t>(block.constraint)];
-    const FrictionProjection cone = ProjectOntoFrictionCone(map.y.segment<3>(block.row), p.LargestFriction(), p.FrictionShares());
+    const FrictionProjection cone =
+        ProjectOntoFrictionCone(map.y.segment<3>(block.row), p.LargestFriction(), p.FrictionShares());
     map.projection.segment<3>(block.row) = cone.impulse;
     map.modes[i] = cone.mode;
     for (int k = 0; k < 3; ++k)
@@ -225,8 +225,8 @@ void EvaluateNaturalMap(const ContactProblem& problem, const std::vector<PointCo
   map.change = std::sqrt(std::max(0.0, x.dot(response)));
   const VectorX size =
       problem.rho.cwiseProduct(problem.A.cwiseAbs() * x.cwiseAbs() + problem.magnitude) + x.cwiseAbs();
-  map.rounding = std::numeric_limits<double>::epsilon() *
-                 std::sqrt(problem.inverse_mass.dot(size.cwiseAbs2()));
+  map.rounding =
+      std::numeric_limits<double>::epsilon() * std::sqrt(problem.inverse_mass.dot(size.cwiseAbs2()));
 }
 
 }  // namespace fork1s::reference

@@ -79,7 +79,8 @@ void SweepGaussSeidel(const ContactProblem& problem, const std::vector<PointCons
 
 /// The impulse x with x = Π(x - ρ (A x + c)) for a symmetric, positive definite A (3x3).
 /// `shares`: coefficients along the tangents over `friction`; ρ of a tangent is as the square of its share.
-Vector3 SolvePointBlock(const Matrix3& A, const Vector3& c, double friction, const Vector2& shares = Vector2::Ones());
+Vector3 SolvePointBlock(const Matrix3& A, const Vector3& c, double friction,
+                        const Vector2& shares = Vector2::Ones());
 
 /// Damped semismooth Newton on the natural map. Stops at `target`, or where the residual stagnates. x is the
 /// best iterate. Returns the number of factorizations.

@@ -289,7 +289,8 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   for (std::size_t i = 0; i < points_.size(); ++i) {
     PointConstraint& c = constraints_[i];
     const Vector3 speed = Speed(c);
-    const double rebound = reference::ComputeReboundSpeed(points_[i].restitution, approach_[i], speed(0), gap_[i], h_);
+    const double rebound =
+        reference::ComputeReboundSpeed(points_[i].restitution, approach_[i], speed(0), gap_[i], h_);
     bounces_[i] = rebound > 0;
     c.bias[0] = rebound > 0 ? -rebound : bias_[i];
   }
@@ -348,7 +349,8 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const PointConstraint& c = constraints_[i];
     const Vector3 speed = Speed(c);
-    past_.push_back({points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.utilization, false});
+    past_.push_back(
+        {points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.utilization, false});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
     out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;

@@ -113,8 +113,8 @@ class ContactSet {
   std::vector<FullContactor> contactors_;
   std::vector<RigidTransform> previous_pose_;
   bool has_previous_pose_ = false;
-  double margin_max_ = 0;  // m
-  double h_ = 0;           // s, of the step at hand
+  double margin_max_ = 0;                  // m
+  double h_ = 0;                           // s, of the step at hand
   bool stage_ = false, at_guess_ = false;  // rows and gaps are those of the guess
 
   std::vector<ContactPoint> points_;

@@ -35,7 +35,8 @@ double ComputeUtilization(const ContactProblem& problem, const PointBlock& block
   const double bound = p.LargestFriction() * x[block.row];
   if (mode == ContactMode::kOpen || !(bound > 0)) return 0;
   Vector2 y = x.segment<2>(block.row + 1);
-  if (mode == ContactMode::kSliding) y -= g.segment<2>(block.row + 1).cwiseQuotient(problem.R.segment<2>(block.row + 1));
+  if (mode == ContactMode::kSliding)
+    y -= g.segment<2>(block.row + 1).cwiseQuotient(problem.R.segment<2>(block.row + 1));
   return y.cwiseQuotient(p.FrictionShares()).norm() / bound;
 }
 

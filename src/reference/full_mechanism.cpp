@@ -127,7 +127,8 @@ void FullMechanism::StartMotion(const VectorX& q_dot0, const Vector6& V_R) {
   const MatrixX rotors = OnCoordinates(q_, mechanism_->armature());
   for (int i = 0; i < mechanism_->num_coordinates(); ++i)
     for (int j = 0; j < mechanism_->num_coordinates(); ++j)
-      if (i == j || rotors(i, j) != 0) dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j), rotors(i, j));
+      if (i == j || rotors(i, j) != 0)
+        dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j), rotors(i, j));
   x.block(num_body_columns_, 0, mechanism_->num_coordinates(), 1) = rotors * q_dot_;
   AddConstraints(X_, q_, true, 1e-9 / std::max(mechanism_->total_mass(), 1e-9), dynamics_);
   x.bottomRows(num_rows_) -= GivenVelocities(X_, q_, V_);

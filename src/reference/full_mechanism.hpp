@@ -13,9 +13,9 @@
 // are then not those of twists, and q_0 closes no loop.
 #pragma once
 
+#include <array>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
-#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -97,9 +97,9 @@ class FullMechanism {
   const std::vector<std::string>& warnings() const { return warnings_; }
 
   VectorX controls;
-  RigidTransform driven_next;   // pose that a driven base reaches in the next step
+  RigidTransform driven_next;              // pose that a driven base reaches in the next step
   Vector6 driven_twist = Vector6::Zero();  // of a driven base at the end of the next stage, body axes
-  bool pushed = false;          // contact acts in this step
+  bool pushed = false;                     // contact acts in this step
   /// Wrench on a body in world axes, until ForgetLoads. Throughout a step about the point of the world;
   /// within stages the force keeps to the point of the body.
   void AddWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);

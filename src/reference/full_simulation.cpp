@@ -139,8 +139,9 @@ void FullSimulation::Detail::AddControls() {
     return VectorX(Eigen::Map<const VectorX>(v.data(), static_cast<Eigen::Index>(v.size())));
   };
   controls = vector(values);
-  const auto num_inputs = std::accumulate(mechanisms.begin(), mechanisms.end(), Eigen::Index{0},
-                                          [](Eigen::Index n, const FullMechanism& m) { return n + m.controls.size(); });
+  const auto num_inputs =
+      std::accumulate(mechanisms.begin(), mechanisms.end(), Eigen::Index{0},
+                      [](Eigen::Index n, const FullMechanism& m) { return n + m.controls.size(); });
   base_rates = VectorX::Constant(controls.size() - num_inputs, std::numeric_limits<double>::quiet_NaN());
   controls_before = controls;
   control_lower = vector(lower);

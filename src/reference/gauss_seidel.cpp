@@ -87,8 +87,8 @@ void SweepGaussSeidel(const ContactProblem& problem, const std::vector<PointCons
         continue;
       }
       const BoundConstraint& bound = bounds[i - num_points];
-      const auto row = static_cast<Eigen::Index>(problem.first_bound) +
-                       static_cast<Eigen::Index>(i - num_points);
+      const auto row =
+          static_cast<Eigen::Index>(problem.first_bound) + static_cast<Eigen::Index>(i - num_points);
       const double y = x[row] - g[row] / problem.A(row, row);
       SetImpulse(problem, row, ProjectOntoBounds(y, bound.lower, bound.upper).impulse, x, g);
     }

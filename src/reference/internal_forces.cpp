@@ -44,7 +44,8 @@ void RelaxInternalForces(const std::vector<PointConstraint>& points, ContactProb
   for (const PointBlock& block : problem.points) {
     const PointConstraint& p = points[static_cast<std::size_t>(block.constraint)];
     const double bound = p.LargestFriction() * p.previous_impulse[0];
-    if (bound > 0 && p.previous_utilization < 1 / kConeShare) sticking.push_back({block.row + 1, bound, p.FrictionShares()});
+    if (bound > 0 && p.previous_utilization < 1 / kConeShare)
+      sticking.push_back({block.row + 1, bound, p.FrictionShares()});
   }
   if (sticking.size() < 2) return;
   const auto n = static_cast<Eigen::Index>(2 * sticking.size());

@@ -64,7 +64,8 @@ std::vector<RotationMap> FullMechanism::RotationMaps(const VectorX& q) const {
 
 VectorX FullMechanism::JointVelocities(const VectorX& q, const VectorX& q_dot) const {
   VectorX velocities = q_dot;
-  for (const RotationMap& rotation : RotationMaps(q)) velocities(rotation.at) = rotation.E * q_dot(rotation.at);
+  for (const RotationMap& rotation : RotationMaps(q))
+    velocities(rotation.at) = rotation.E * q_dot(rotation.at);
   return velocities;
 }
 
@@ -79,7 +80,8 @@ VectorX FullMechanism::CoordinateForces(const VectorX& q, VectorX force) const {
 MatrixX FullMechanism::OnCoordinates(const VectorX& q, const VectorX& weights) const {
   MatrixX A = weights.asDiagonal();
   for (const RotationMap& rotation : RotationMaps(q))
-    A(rotation.at, rotation.at) = (rotation.E.transpose() * Vector3(weights(rotation.at)).asDiagonal() * rotation.E).eval();
+    A(rotation.at, rotation.at) =
+        (rotation.E.transpose() * Vector3(weights(rotation.at)).asDiagonal() * rotation.E).eval();
   return A;
 }
 

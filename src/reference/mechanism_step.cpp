@@ -67,8 +67,7 @@ void FullMechanism::AddBodies(const Matrix6X& on_bodies, bool stiffening, Matrix
     const auto i = static_cast<std::size_t>(b);
     const SpatialInertia& I = mechanism_->bodies()[i].inertia_B;
     const RigidTransform& X = X_next_[i];
-    const Vector3 weight_B =
-        X.rotation().transpose() * (mechanism_->bodies()[i].weighed_mass * gravity_W_);
+    const Vector3 weight_B = X.rotation().transpose() * (mechanism_->bodies()[i].weighed_mass * gravity_W_);
     Vector6 impulse =
         stage_ ? CarriedMomentum(b, X) : AdjointTransposeApply(X_[i].inverse() * X, momentum_.col(b));
     impulse.head<3>() += h * I.center.cross(weight_B);

@@ -1,8 +1,8 @@
 // What a FullSimulation holds.
 #pragma once
 
-#include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/mechanism/base_path.hpp>
+#include <fork1s/reference/full_simulation.hpp>
 #include <functional>
 #include <optional>
 #include <string>

@@ -1,8 +1,8 @@
 // The order in which the wire counts bodies.
 #pragma once
 
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <vector>
 
 namespace fork1s::internal {

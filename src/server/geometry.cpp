@@ -1,10 +1,10 @@
 // Shapes, told once.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/geometry/surface.hpp>
 #include <fork1s/record/png.hpp>
 #include <fork1s/server/wire.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>

@@ -1,9 +1,9 @@
 // How true a live simulation is: the estimated error, what it asks for, and bodies that pass through others.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/server/live_simulation.hpp>
 #include <fork1s/sim/passing.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>

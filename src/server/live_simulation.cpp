@@ -1,5 +1,5 @@
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/server/live_simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -315,9 +315,10 @@ bool LiveSimulation::StepOnce() {
   pushes_.clear();
   const std::string unsolved = simulation_.world().NameOf(report.halving_of);
   if (!report.stages_converged && !unsolved.empty())
-    faults_.push_back({"run", fmt::format("step {} was undone: {} could not be solved even in parts of 1/64 of the step; "
-                                          "the simulation paused. Pull more softly, or take a smaller dt or softer gains",
-                                          simulation_.steps(), unsolved)});
+    faults_.push_back(
+        {"run", fmt::format("step {} was undone: {} could not be solved even in parts of 1/64 of the step; "
+                            "the simulation paused. Pull more softly, or take a smaller dt or softer gains",
+                            simulation_.steps(), unsolved)});
   else
     faults_.push_back(
         {"run", fmt::format("step {} gave numbers that are not finite; the state before it was kept and the "

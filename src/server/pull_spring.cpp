@@ -1,6 +1,6 @@
+#include <fork1s/server/pull_spring.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/stepping/point_response.hpp>
-#include <fork1s/server/pull_spring.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/base/base64.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/server/wire.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "byte_writer.hpp"
 #include "scene_description.hpp"

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "body_order.hpp"
 
@@ -86,8 +86,7 @@ std::vector<SignalInfo> ListSignals(const Simulation& simulation) {
     }
     for (const Mechanism::Control& c : def.controls())
       if (static_cast<int>(actuators.size()) < kMost) {
-        const bool turns =
-            c.length.is_single() && def.Turns(c.length.terms[0].first);
+        const bool turns = c.length.is_single() && def.Turns(c.length.terms[0].first);
         actuators.push_back({c.name, "actuator", turns ? "N·m" : "N", -1});
       }
     ++number;

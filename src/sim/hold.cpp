@@ -1,9 +1,9 @@
 #include "hold.hpp"
 
 #include <algorithm>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/world/rolling.hpp>
 #include <set>
 
@@ -127,8 +127,7 @@ Vector6 AddHeldBody(const Hold& hold, const FreeBodyDef& body, const KeyframeDef
 Matrix3 HoldAxes(const ContactRecord& c, bool held_is_b, const Matrix3& inverse_curvature) {
   const Vector3 x = (held_is_b ? 1 : -1) * c.point.frame.row(0).transpose();
   const Eigen::Matrix<double, 3, 2> tangents = c.point.frame.bottomRows<2>().transpose();
-  const SymmetricSpectrum bends = SpectrumOf(tangents.transpose() * inverse_curvature *
-                                                             tangents);
+  const SymmetricSpectrum bends = SpectrumOf(tangents.transpose() * inverse_curvature * tangents);
   const Vector3 y = tangents * bends.vectors.col(0);
   Matrix3 axes;
   axes << x, y, x.cross(y);

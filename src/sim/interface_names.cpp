@@ -1,5 +1,5 @@
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/interface_names.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <algorithm>
 

@@ -1,5 +1,5 @@
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -74,7 +74,8 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.controls_ = s.last_controls_ = to_vector(values);
   const auto driven = std::count_if(s.given_.begin(), s.given_.end(),
                                     [](const auto& m) { return m->base() == BaseKind::kDriven; });
-  s.base_rates_ = s.last_base_rates_ = VectorX::Constant(6 * driven, std::numeric_limits<double>::quiet_NaN());
+  s.base_rates_ = s.last_base_rates_ =
+      VectorX::Constant(6 * driven, std::numeric_limits<double>::quiet_NaN());
   s.control_lower_ = to_vector(lower);
   s.control_upper_ = to_vector(upper);
 

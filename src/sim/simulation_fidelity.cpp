@@ -1,6 +1,6 @@
 // Changing the level of detail while the simulation runs.
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <algorithm>
 #include <fork1s/mechanism/kinematics.hpp>

@@ -140,13 +140,15 @@ void RunTally::LookBeyondStops(const Simulation& simulation) {
     const MechanismDynamics& m = mechanisms[i];
     for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
       const Mechanism::LengthLimit& limit = m.length_limits()[k];
-      const double length = m.Length(limit.length), above = length - limit.upper, below = limit.lower - length,
-                   beyond = std::max(above, below);
+      const double length = m.Length(limit.length), above = length - limit.upper,
+                   below = limit.lower - length, beyond = std::max(above, below);
       if (beyond <= 0) continue;
       const auto& terms = limit.length.terms;
       const bool turns = limit.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms[0].first);
       const double range = limit.upper - limit.lower,
-                   whole = std::isfinite(range) && range > 0 ? range : turns ? 1 : m.mechanism().length_scale(),
+                   whole = std::isfinite(range) && range > 0 ? range
+                           : turns                           ? 1
+                                                             : m.mechanism().length_scale(),
                    share = beyond / whole;
       if (share <= StopPassed::kShareBeyond) continue;
       auto& [most, stop] = passed_[{static_cast<int>(i), k}];

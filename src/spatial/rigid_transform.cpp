@@ -93,7 +93,7 @@ Matrix3 DexpRotation(const Vector3& w) {
 Matrix3 DexpInverseRotation(const Vector3& w) {
   const double theta = w.norm();
   const double t2 = theta * theta;
-  double d;  // (1 - θ/2 cot(θ/2)) / θ²
+  double d;           // (1 - θ/2 cot(θ/2)) / θ²
   if (theta < 0.2) {  // five terms leave a remainder below 1e-17
     d = (1 + t2 / 60 * (1 + t2 / 42 * (1 + t2 / 40 * (1 + t2 * 10 / 396)))) / 12;
   } else {

@@ -13,9 +13,9 @@
 // al. 2005, Robust quasistatic finite elements): A is positive definite at any stiffness. What is left out of
 // it, and the turn of M, change the convergence of the iteration only, not the equation.
 #include <cmath>
-#include <fork1s/stepping/free_body.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/linalg/spectrum.hpp>
+#include <fork1s/stepping/free_body.hpp>
 
 namespace fork1s {
 
@@ -25,7 +25,8 @@ void FreeBody::BeginStep(double b, const Vector3& gravity_W) {
   velocity_before_ = velocity_;
   X_WB_before_ = X_WB_;
   pushed_ = false;
-  step_start_ = {X_WB_.rotation(), center_W(), X_WB_.rotation() * (inertia_.rotational * omega_B_), velocity_};
+  step_start_ = {X_WB_.rotation(), center_W(), X_WB_.rotation() * (inertia_.rotational * omega_B_),
+                 velocity_};
   stage_base_ = step_start_;
   omega_B_ += b * angular_acceleration_B_;
   velocity_ += b * acceleration_;

@@ -13,8 +13,7 @@ namespace {
 // H⁻¹ = 1 / max(k, 1e-3 k_max), slides measured in lengths of the mechanism: how far each joint gives way.
 VectorX Compliances(const Mechanism& m, const Kinematics& kinematics, const VectorX& q) {
   VectorX scale(m.num_coordinates());
-  for (int i = 0; i < scale.size(); ++i)
-    scale(i) = m.Turns(i) ? 1.0 : m.length_scale();
+  for (int i = 0; i < scale.size(); ++i) scale(i) = m.Turns(i) ? 1.0 : m.length_scale();
   const VectorX k =
       m.has_diagonal_stiffness() ? m.stiffness() : VectorX(StiffnessMatrix(m, kinematics, q).diagonal());
   const VectorX scaled = k.cwiseProduct(scale.cwiseAbs2());

@@ -112,7 +112,8 @@ void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
 
 namespace {
 
-Vector6 TwistOfGroup(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T, const VectorX& velocity) {
+Vector6 TwistOfGroup(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T,
+                     const VectorX& velocity) {
   const auto& [model, state, ws] = here;
   const int index = model.PartOfGroup(g);
   Vector6 V = Vector6::Zero();

@@ -26,12 +26,12 @@ struct SlackSpring {
 /// Where an implicit stage starts (implicit_stage.cpp): configuration and momentum, in flat spaces, so that stages are
 /// sums of these. Sizes: n joint coordinates, r reduced ones, k rigid parts.
 struct StageBase {
-  VectorX z;                                  // r
-  Matrix3 R_WR = Matrix3::Identity();         // of a floating base
-  Vector3 center_W = Vector3::Zero();         // m, centre of mass of a floating mechanism
-  Matrix6X momentum;                          // 6 x k, spatial momenta about a point that drifts with the base [N·m·s; N·s]
-  VectorX joint_momentum;                     // n, armature times joint velocity
-  VectorX rates, turned_rates;                // r: by expansions in place of these two (expanded_pose.hpp)
+  VectorX z;                           // r
+  Matrix3 R_WR = Matrix3::Identity();  // of a floating base
+  Vector3 center_W = Vector3::Zero();  // m, centre of mass of a floating mechanism
+  Matrix6X momentum;       // 6 x k, spatial momenta about a point that drifts with the base [N·m·s; N·s]
+  VectorX joint_momentum;  // n, armature times joint velocity
+  VectorX rates, turned_rates;  // r: by expansions in place of these two (expanded_pose.hpp)
   // Of a floating mechanism, in the same space: its momentum beyond the sum of its parts', which are known to
   // the tolerance of the stages, while that of the whole is exact.
   Vector6 momentum_defect = Vector6::Zero();

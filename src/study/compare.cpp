@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/interface_names.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
 #include <numbers>
 #include <optional>

@@ -117,9 +117,8 @@ Expected<std::vector<DetailRow>> MeasureDetail(const std::string& folder, const 
   if (!truth) return tl::unexpected(truth.error());
   std::vector<DetailRow> rows;
   for (const Fidelity& level : levels) {
-    auto row =
-        Measure(imported->scene, tracked, o, static_cast<int>(std::llround(from_s / kDetailStep)), level,
-                *truth);
+    auto row = Measure(imported->scene, tracked, o, static_cast<int>(std::llround(from_s / kDetailStep)),
+                       level, *truth);
     if (!row) return tl::unexpected(row.error());
     rows.push_back(*row);
   }

@@ -3,8 +3,8 @@
 
 #include <mujoco/mujoco.h>
 #include <cstddef>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <string>
 #include <utility>
 #include <vector>

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/recovery/recover.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <memory>
 #include <stdexcept>
 #include <string>

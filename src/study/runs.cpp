@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/interface_names.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <fmt/format.h>
 

@@ -33,11 +33,11 @@ struct Run {
   int unconverged = 0;          // steps
   std::vector<Sample> samples;  // the start, then one every interval
   std::vector<std::string> warnings;
-  std::vector<double> step_s = {};  // wall time of every step
+  std::vector<double> step_s = {};        // wall time of every step
   std::vector<StepPartTimes> parts = {};  // of every step of the reduced run, where they were watched
-  std::vector<char> refreshed = {};  // of the reduced run: steps in which a mechanism was reduced anew
-  int coordinates = 0;              // velocities that the last step solved for
-  int halved = 0;                   // steps of the full run by two stages that were taken in parts
+  std::vector<char> refreshed = {};       // of the reduced run: steps in which a mechanism was reduced anew
+  int coordinates = 0;                    // velocities that the last step solved for
+  int halved = 0;                         // steps of the full run by two stages that were taken in parts
   // MuJoCo only: bodies that touch in one of the two simulators alone.
   std::vector<ContactPair> pairs_only_here = {}, pairs_only_reduced = {};
   std::vector<std::string> laws = {};  // MuJoCo only: what it computes by other laws
@@ -60,10 +60,10 @@ struct RunOptions {
   std::function<void()> progress;  // called after every sample
   MuJoCoIntegrator mujoco_integrator = MuJoCoIntegrator::kOfFile;
   bool mujoco_tuned =
-      false;           // stiff loops and friction that creeps less than the file's defaults (mujoco_run.cpp)
+      false;  // stiff loops and friction that creeps less than the file's defaults (mujoco_run.cpp)
   double mujoco_stiffness = 1;  // factor on its springs and servos, dampers by the root, as ScaleStiffness
   bool watch_parts = false;     // of the reduced run: Run::parts
-  bool energy = true;  // of MuJoCo, which computes it within its step and so takes a little longer
+  bool energy = true;           // of MuJoCo, which computes it within its step and so takes a little longer
 };
 
 /// How far [rad] the two sides of a closure are turned against each other where it does not let them.

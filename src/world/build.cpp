@@ -75,7 +75,8 @@ std::string World::NameOf(const StepSubject& subject) const {
            detail_->bodies_.mechanisms[index].mechanism().name() + "'";
   };
   switch (subject.kind) {
-    case StepSubject::Kind::kNone: break;
+    case StepSubject::Kind::kNone:
+      break;
     case StepSubject::Kind::kMechanism:
       return "mechanism '" + detail_->bodies_.mechanisms[index].mechanism().name() + "'";
     case StepSubject::Kind::kFreeBody:

@@ -39,7 +39,8 @@ struct World::Detail {
   bool PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report);
   bool CoversMotion();
   HalvingCause SolveStage(const StepOptions& options, StageScheme scheme, StepReport& report);
-  HalvingCause FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration, StepReport& report) const;
+  HalvingCause FindStageEvent(const StepOptions& options, StageScheme scheme, int iteration,
+                              StepReport& report) const;
   void MoveAllToStagePoses(double b, double time);
   void StoreStage(double b, StageScheme scheme, StepReport& report);
   StepReport HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt);
@@ -72,7 +73,7 @@ struct World::Detail {
   std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
   bool has_switches_ = false;
   WorldState before_;  // of the step at hand
-  ImpulseSums sums_;  // of its stages and parts so far
+  ImpulseSums sums_;   // of its stages and parts so far
   ContactSummation summation_;
   // A step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
   // shortest parts are one stage of backward Euler each. Where such a stage does not converge it is halved

@@ -153,7 +153,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     SolveContacts(stage, report);
     MergeSolverReport(before, report.solver);
     if (!IsFinite(false)) break;
-    if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report); event != HalvingCause::kNone)
+    if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report);
+        event != HalvingCause::kNone)
       return event;
     const StageResidual found = [&] {
       const PartClock clock(times_, &StepPartTimes::moving);
@@ -279,7 +280,8 @@ void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report)
 }
 
 // The step from its start again, by two of half the length, or undone where even the shortest part is not solved.
-StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt) {
+StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause cause,
+                                      const StepReport& attempt) {
   StepReport report;
   report.stages = attempt.stages;
   report.stage_iterations = attempt.stage_iterations;

@@ -85,9 +85,9 @@ TEST(Run, HasThePromisedKeys) {
   const Outcome o = Fork1s("run --json --time 2 " + model);
   ASSERT_EQ(o.code, 0) << o.err;
   auto json = o.Json();
-  for (const char* key : {"steps", "simulated_s", "wall_s", "real_time_factor", "contacts_max", "energy_J",
-                          "interface", "joint_gap_max_m", "step_us", "unconverged_steps", "halved_steps", "newton_iterations",
-                          "refreshes"})
+  for (const char* key :
+       {"steps", "simulated_s", "wall_s", "real_time_factor", "contacts_max", "energy_J", "interface",
+        "joint_gap_max_m", "step_us", "unconverged_steps", "halved_steps", "newton_iterations", "refreshes"})
     EXPECT_TRUE(json.contains(key)) << key;
   EXPECT_EQ(json["steps"], 120);  // 1/60 s unless asked otherwise
   EXPECT_EQ(json["unconverged_steps"], 0);

@@ -120,8 +120,7 @@ TEST(Detail, MechanismsThatCannotBecomeOneAreNamed) {
 }
 
 TEST(Detail, WordsThatAreNoneAreUsageErrors) {
-  for (const char* words :
-       {"--detail fingers", "--detail modes=x", "--detail 1:all,0.5:object"}) {
+  for (const char* words : {"--detail fingers", "--detail modes=x", "--detail 1:all,0.5:object"}) {
     const Outcome o = Fork1s("run " + kPeg + " --time 0.1 " + words);
     EXPECT_EQ(o.code, 2) << words << o.err;
     EXPECT_NE(o.err.find("detail"), std::string::npos) << o.err;

@@ -160,14 +160,16 @@ TEST(RunReport, JointsBetweenInterfacesKeepTheirStops) {
   std::string open, close;
   for (int i = 1; i <= 10; ++i) {
     const std::string name = i == 10 ? "tip" : "l" + std::to_string(i);
-    open += "<body name='" + name + "' pos='" + (i > 1 ? ".05" : "0") + " 0 0'><joint name='t" + std::to_string(i) +
-            "' axis='0 1 0' stiffness='20' damping='.05' armature='1e-5' limited='true' range='-15 15'/>"
-            "<geom type='capsule' size='.01' fromto='0 0 0 .05 0 0' density='1000' contype='0' conaffinity='0'/>";
+    open +=
+        "<body name='" + name + "' pos='" + (i > 1 ? ".05" : "0") + " 0 0'><joint name='t" +
+        std::to_string(i) +
+        "' axis='0 1 0' stiffness='20' damping='.05' armature='1e-5' limited='true' range='-15 15'/>"
+        "<geom type='capsule' size='.01' fromto='0 0 0 .05 0 0' density='1000' contype='0' conaffinity='0'/>";
     close += "</body>";
   }
   const std::string model =
-      Write("tail.xml", "<mujoco><custom><text name='fork1s_interface' data='tip'/></custom><worldbody>" + open +
-                            close + "</worldbody></mujoco>");
+      Write("tail.xml", "<mujoco><custom><text name='fork1s_interface' data='tip'/></custom><worldbody>" +
+                            open + close + "</worldbody></mujoco>");
   EXPECT_TRUE(Fork1s("run --json --time 0.5 " + model).Json()["stops_passed"].empty());
   // What the push bends gets coordinates of its own, and with them the stops that it reaches.
   const auto held = Fork1s("run --json --time 0.5 --push l6:0,0,-200 " + model).Json();

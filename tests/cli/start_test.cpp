@@ -101,7 +101,9 @@ TEST(Start, BadValuesAreUsage) {
 TEST(Start, PosesOutsideTheLimitsAreSaid) {
   const Outcome o = Fork1s("inspect --q knee=30 " + Write("hopper.urdf", HopperUrdf()));
   EXPECT_EQ(o.code, 0);
-  EXPECT_NE(o.out.find("30 rad is outside its limits -1 to 2 rad: it starts at the nearest, 2 rad"), std::string::npos) << o.out;
+  EXPECT_NE(o.out.find("30 rad is outside its limits -1 to 2 rad: it starts at the nearest, 2 rad"),
+            std::string::npos)
+      << o.out;
 }
 
 TEST(Start, KeepStart_LeavesAJointOutsideItsLimits) {

@@ -46,7 +46,8 @@ struct Incline {
 Incline SlideDown(double slope, double azimuth, double friction, const Vector2& scale, int steps) {
   Problem p = testing::BoxOnPlane(2, friction, 0.2, 0.01);
   const Matrix3 frame = testing::FrameOf(Vector3::UnitZ());
-  const Vector3 down = std::sin(slope) * (std::cos(azimuth) * frame.row(1) + std::sin(azimuth) * frame.row(2));
+  const Vector3 down =
+      std::sin(slope) * (std::cos(azimuth) * frame.row(1) + std::sin(azimuth) * frame.row(2));
   p.velocity.setZero();
   for (ContactConstraint& c : p.contacts) {
     c.friction_scale = scale;
@@ -97,7 +98,8 @@ TEST(EllipticFriction, SlipHasTheDirectionOfMaximumDissipation) {
     const Matrix3 frame = testing::FrameOf(Vector3::UnitZ());
     const Vector2 change = frame.bottomRows<2>() * (p.velocity.tail<3>() - before),
                   slip = frame.bottomRows<2>() * p.velocity.tail<3>();
-    const double bound = p.contacts[0].friction * kGravity * kStep, dissipation = scale.cwiseProduct(slip).norm();
+    const double bound = p.contacts[0].friction * kGravity * kStep,
+                 dissipation = scale.cwiseProduct(slip).norm();
     if (dissipation < 1e-3) continue;  // it sticks, or slides along a tangent without friction
     const Vector2 expected = -bound / dissipation * scale.cwiseAbs2().cwiseProduct(slip);
     EXPECT_LT((change - expected).norm(), 1e-6 * bound) << trial;

@@ -162,7 +162,8 @@ TEST(BoundLaw, DerivativeAndEnergyMatchFiniteDifferences) {
     if (std::abs(y - law.lower) < kAway * scale || std::abs(y - law.upper) < kAway * scale) return;
     const double step = 0.1 * kAway * scale;
     EXPECT_NEAR(law.Derivative(y), (law.Project(y + step) - law.Project(y - step)) / (2 * step), 1e-8);
-    EXPECT_NEAR(law.Project(y), (law.Energy(y + step) - law.Energy(y - step)) / (2 * step) / law.R, 1e-8 * scale);
+    EXPECT_NEAR(law.Project(y), (law.Energy(y + step) - law.Energy(y - step)) / (2 * step) / law.R,
+                1e-8 * scale);
     ++(law.IsWithin(y) ? inside : outside);
   });
   EXPECT_GT(inside, 100);

@@ -1,7 +1,7 @@
 // The load at which pressing harder ejects a grasped ball: k_t (R + r) where fingertips do not rotate.
-#include <stepping/support.hpp>
 #include <fork1s/diagnostics/load_factor.hpp>
 #include <squeeze.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

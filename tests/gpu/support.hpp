@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 #include <unistd.h>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/recovery_buffers.hpp>
 #include <fork1s/recovery/recover.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <algorithm>
 #include <continuum_arm.hpp>

@@ -26,9 +26,9 @@ std::vector<std::string> ModelFiles() {
 }
 
 bool MustBeRefused(const std::string& file) {
-  static const std::set<std::string> refused = {"models/mujoco_samples/hammock/hammock.xml",  // <composite> of old
-                                                "models/urdf_malformed/hinge.urdf",
-                                                "models/urdf_malformed/shadowhand_xmldecl_not_first.urdf"};
+  static const std::set<std::string> refused = {
+      "models/mujoco_samples/hammock/hammock.xml",  // <composite> of old
+      "models/urdf_malformed/hinge.urdf", "models/urdf_malformed/shadowhand_xmldecl_not_first.urdf"};
   return refused.count(file) > 0 || file.find("/orig/") != std::string::npos;
 }
 

@@ -24,7 +24,8 @@ TEST_P(Standing, FollowsTheFullModel) {
   int feet = 0;
   for (const BodyDifference& d : comparison->interface) {
     // Cassie's rods are interfaces for their spin only.
-    if (std::none_of(legged.feet.begin(), legged.feet.end(), [&](const auto& f) { return f.body == d.body; })) continue;
+    if (std::none_of(legged.feet.begin(), legged.feet.end(), [&](const auto& f) { return f.body == d.body; }))
+      continue;
     EXPECT_LT(d.max_mm, 0.15) << d.body;
     ++feet;
   }

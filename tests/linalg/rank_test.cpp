@@ -59,10 +59,12 @@ TEST(NullSpaceOf, RandomMatricesOfKnownRank) {
   std::mt19937 engine(4);
   for (int trial = 0; trial < 200; ++trial) {
     SCOPED_TRACE(trial);
-    const Eigen::Index m = 1 + static_cast<Eigen::Index>(engine() % 30), n = 1 + static_cast<Eigen::Index>(engine() % 30);
+    const Eigen::Index m = 1 + static_cast<Eigen::Index>(engine() % 30),
+                       n = 1 + static_cast<Eigen::Index>(engine() % 30);
     const Eigen::Index r = static_cast<Eigen::Index>(engine() % static_cast<unsigned>(std::min(m, n) + 1));
     VectorX sigma(r);
-    for (Eigen::Index i = 0; i < r; ++i) sigma(i) = std::pow(10.0, -3.0 * static_cast<double>(engine()) / 4294967295.0);
+    for (Eigen::Index i = 0; i < r; ++i)
+      sigma(i) = std::pow(10.0, -3.0 * static_cast<double>(engine()) / 4294967295.0);
     const MatrixX A = WithSingularValues(sigma, m, n, engine);
     const NullSpace space = ComputeNullSpace(A);
     ASSERT_EQ(space.rank.value, r);
@@ -145,7 +147,8 @@ TEST(Bases, GradedRowsKeepTheirOwnDigits) {
   for (int trial = 0; trial < 50; ++trial) {
     const MatrixX rows = RandomMatrix(7, 4, engine);
     VectorX weight(7);
-    for (Eigen::Index i = 0; i < 7; ++i) weight(i) = i < 4 ? std::pow(10.0, 2.0 * static_cast<double>(i)) : 1e-3;
+    for (Eigen::Index i = 0; i < 7; ++i)
+      weight(i) = i < 4 ? std::pow(10.0, 2.0 * static_cast<double>(i)) : 1e-3;
     const MatrixX B = weight.asDiagonal() * rows;
     const MatrixX W = OrthonormalisingFactor(B), Q = B * W;
     // Forming Q rounds by weights of 1e6 and the condition of the strong rows.
@@ -154,7 +157,8 @@ TEST(Bases, GradedRowsKeepTheirOwnDigits) {
     EXPECT_LT((Q.transpose() * Q - MatrixX::Identity(4, 4)).cwiseAbs().maxCoeff(), rounding) << trial;
     const MatrixX basis = GradedRangeBasis(B);
     EXPECT_LT((basis.transpose() * basis - MatrixX::Identity(4, 4)).cwiseAbs().maxCoeff(), 1e-13);
-    EXPECT_LT((B - basis * (basis.transpose() * B)).cwiseQuotient(B.cwiseAbs().rowwise().maxCoeff().replicate(1, 4))
+    EXPECT_LT((B - basis * (basis.transpose() * B))
+                  .cwiseQuotient(B.cwiseAbs().rowwise().maxCoeff().replicate(1, 4))
                   .cwiseAbs()
                   .maxCoeff(),
               1e-9);

@@ -223,7 +223,8 @@ TEST(Cholesky, SixBySix) {
 TEST(Solve, SymmetricIndefiniteSquareAndComplex) {
   std::mt19937 engine(3);
   for (int trial = 0; trial < 20; ++trial) {
-    const MatrixX B = RandomMatrix(9, 9, engine), A = B + B.transpose() + 4 * MatrixX::Identity(9, 9), R = RandomMatrix(9, 3, engine);
+    const MatrixX B = RandomMatrix(9, 9, engine), A = B + B.transpose() + 4 * MatrixX::Identity(9, 9),
+                  R = RandomMatrix(9, 3, engine);
     EXPECT_LT((A * SolveSymmetric(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
     EXPECT_LT((A * SolveSquare(A, R) - R).cwiseAbs().maxCoeff(), 1e-8);
     const ComplexMatrix x = SolveComplex({A, B}, {R, 2 * R});

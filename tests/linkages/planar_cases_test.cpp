@@ -36,7 +36,8 @@ Pair& Slider(Sketch& s, int a, int b, const Vector2& at, const Vector2& along, d
 
 // Turned about the plane's normal and out of it, near the root and far from it, small and large, and written
 // down with other trees.
-void ForPlanarVariations(const Sketch& sketch, const std::function<void(const Sketch&, const Writing&)>& check) {
+void ForPlanarVariations(const Sketch& sketch,
+                         const std::function<void(const Sketch&, const Writing&)>& check) {
   unsigned seed = 0;
   for (const double angle : {0.0, 0.35, 0.7, 1.3, 2.9})
     for (const double scale : {1e-2, 1.0, 100.0}) {

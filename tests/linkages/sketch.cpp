@@ -128,7 +128,7 @@ Tree Span(const Sketch& s, const Writing& writing, std::mt19937& engine) {
 }
 
 JointDef JointOfPair(const Pair& p, const std::string& name, BodyIndex body, const RigidTransform& X_RB,
-                 const RigidTransform& X_RS) {
+                     const RigidTransform& X_RS) {
   const Matrix3 frame_B = X_RB.rotation().transpose() * X_RS.rotation() * p.frame;
   const Vector3 point_B = X_RB.inverse() * (X_RS * p.point);
   const Vector3 axis = frame_B.col(2);
@@ -251,8 +251,9 @@ MechanismDef Write(const Sketch& s, const Writing& writing) {
     const int child = tree.pair_of[static_cast<std::size_t>(p.b)] == k ? p.b : p.a;
     sign[pair] = child == p.b ? 1 : -1;
     joint_of[pair] = static_cast<int>(def.joints.size());
-    def.joints.push_back(JointOfPair(p, pair_prefix + std::to_string(k), place[static_cast<std::size_t>(child)],
-                                 X_RB[static_cast<std::size_t>(child)], X_RS));
+    def.joints.push_back(JointOfPair(p, pair_prefix + std::to_string(k),
+                                     place[static_cast<std::size_t>(child)],
+                                     X_RB[static_cast<std::size_t>(child)], X_RS));
   }
   for (std::size_t k = 0; k < s.pairs.size(); ++k) {
     if (tree.is_joint[k]) continue;

@@ -13,7 +13,8 @@ namespace {
 
 SpatialInertia Lump() { return {0.5, Vector3(0.01, 0.02, 0), Vector3(1e-3, 2e-3, 2e-3).asDiagonal()}; }
 
-void ForSpatialVariations(const Sketch& sketch, const std::function<void(const Sketch&, const Writing&)>& check) {
+void ForSpatialVariations(const Sketch& sketch,
+                          const std::function<void(const Sketch&, const Writing&)>& check) {
   check(sketch, {.keep_order = true});
   for (unsigned seed = 0; seed < 12; ++seed) {
     SCOPED_TRACE(seed);

@@ -36,7 +36,9 @@ TEST(AngularVelocityMap, IsTheRateOfTheRelativeRotationInAxesOfTheBody) {
         const auto R = [&](double t) -> Matrix3 {
           const Kinematics at = At(m, q + t * q_dot);
           const Matrix3 R_j = at.P[rotation.joint.u()].rotation();
-          return joint.previous < 0 ? R_j : Matrix3(at.P[static_cast<std::size_t>(joint.previous)].rotation().transpose() * R_j);
+          return joint.previous < 0
+                     ? R_j
+                     : Matrix3(at.P[static_cast<std::size_t>(joint.previous)].rotation().transpose() * R_j);
         };
         const double h = 1e-3;
         const Matrix3 rate = R(0).transpose() * (8 * (R(h) - R(-h)) - (R(2 * h) - R(-2 * h))) / (12 * h);

@@ -136,7 +136,8 @@ TEST(Poses, FreedomReferencesFollowSortedJoints) {
         for (std::size_t t = 0; t < def.controls[i].terms.size(); ++t)
           check(def.controls[i].terms[t].first, length.terms[t].first);
       } else if (def.controls[i].terms.size() == 1) {
-        check(def.controls[i].terms[0].first, m.paths()[static_cast<std::size_t>(length.path)].rates[0].first);
+        check(def.controls[i].terms[0].first,
+              m.paths()[static_cast<std::size_t>(length.path)].rates[0].first);
       }
     }
     // The result's own definition builds the same mechanism again.

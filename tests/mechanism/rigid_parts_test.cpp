@@ -21,11 +21,13 @@ void ExpectTurnsOfEach(const RigidParts& parts, double t, RandomSource& random) 
   TurnFreely(parts, t, v);
   for (int i = 0; i < parts.size(); ++i) {
     const SpatialInertia& I = parts.parts[static_cast<std::size_t>(i)].inertia_R0;
-    const Vector3 own = I.mass > 0 ? TurnFreely(I.rotational, before.col(i), Vector3::Zero(), t)
-                                   : Vector3(before.col(i));
+    const Vector3 own =
+        I.mass > 0 ? TurnFreely(I.rotational, before.col(i), Vector3::Zero(), t) : Vector3(before.col(i));
     const double size = I.mass > 0 ? I.rotational.norm() + I.mass * I.center.squaredNorm() : 1;
     const Vector3 off = v.omega.col(i) - own;
-    EXPECT_LT((I.mass > 0 ? Vector3(I.rotational * off) : off).norm(), kTurnRounding * size * (1 + own.norm())) << i;
+    EXPECT_LT((I.mass > 0 ? Vector3(I.rotational * off) : off).norm(),
+              kTurnRounding * size * (1 + own.norm()))
+        << i;
   }
 }
 

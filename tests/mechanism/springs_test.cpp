@@ -122,7 +122,8 @@ TEST(DampingMatrix, IsTheStiffnessMatrixOfTheDampersOnJointVelocities) {
     const Kinematics k = At(m, q);
     def.closures.clear();
     const MatrixX all = StiffnessMatrix(swapped, k, q), of_joints = StiffnessMatrix(BuildOrThrow(def), k, q),
-                  map = JointVelocityMap(m, q), expected = all - of_joints + map.transpose() * of_joints * map;
+                  map = JointVelocityMap(m, q),
+                  expected = all - of_joints + map.transpose() * of_joints * map;
     EXPECT_LE((DampingMatrix(m, k, q) - expected).norm(), 1e-13 * expected.norm()) << "seed " << seed;
   }
 }

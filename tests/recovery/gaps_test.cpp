@@ -54,8 +54,9 @@ TEST(JointGaps, ASlideHasNoneAlongItsAxis) {
 
 TEST(JointGaps, TwoHingesWithDifferentAnchors) {
   // Axes that do not meet have no common point: the gap is what no displacement of the two can explain.
-  const auto m = Share(OneBody({JointDef::Hinge("h1", BodyIndex(1), Vector3::UnitZ(), Vector3(-0.1, 0, 0)),
-                                JointDef::Hinge("h2", BodyIndex(1), Vector3::UnitY(), Vector3(0.1, 0, 0.05))}));
+  const auto m =
+      Share(OneBody({JointDef::Hinge("h1", BodyIndex(1), Vector3::UnitZ(), Vector3(-0.1, 0, 0)),
+                     JointDef::Hinge("h2", BodyIndex(1), Vector3::UnitY(), Vector3(0.1, 0, 0.05))}));
   for (const auto& [a, b] : {std::pair{0.0, 0.0}, {0.3, -0.2}, {1.2, 0.9}, {-2.0, 1.0}}) {
     VectorX q(2);
     q << a, b;

@@ -51,7 +51,9 @@ void ExpectClosed(const std::shared_ptr<const Mechanism>& m, double angle) {
 
 TEST(ExactRecovery, ClosesTheFourBar) { ExpectClosed(Share(testing::FourBar().Definition()), 15 * kDegree); }
 
-TEST(ExactRecovery, ClosesTheStewartPlatform) { ExpectClosed(Share(testing::CubicStewart(0.3, 1000)), 15 * kDegree); }
+TEST(ExactRecovery, ClosesTheStewartPlatform) {
+  ExpectClosed(Share(testing::CubicStewart(0.3, 1000)), 15 * kDegree);
+}
 
 // The pose without its derivative, in turn with the derived one in the same storage, as a step's trials have it: where
 // poses lie near each other loops close to the same ones, and the derivative is that of a storage of its own.

@@ -28,8 +28,8 @@ std::shared_ptr<const Mechanism> TiltedFourBar(double tilt) {
   closure.X_AJ = RigidTransform(Matrix3(tree.body(closure.body_a).X_RB0.rotation().transpose()),
                                 closure.X_AJ.translation());
   const Matrix3 turn = Eigen::AngleAxisd(tilt, Vector3::UnitX()).matrix();
-  closure.X_BJ = RigidTransform(
-      Matrix3(tree.body(closure.body_b).X_RB0.rotation().transpose() * turn), closure.X_BJ.translation());
+  closure.X_BJ = RigidTransform(Matrix3(tree.body(closure.body_b).X_RB0.rotation().transpose() * turn),
+                                closure.X_BJ.translation());
   return Share(definition);
 }
 
@@ -75,7 +75,8 @@ TEST(Doubt, IsReportedWithItsJoints) {
     builder.AddClosure(closure);
     // A second one that only the slant tells from the first.
     closure.name = "again";
-    closure.X_AJ = closure.X_BJ = RigidTransform(Matrix3(Eigen::AngleAxisd(slant, Vector3::UnitY()).matrix()), Vector3::Zero());
+    closure.X_AJ = closure.X_BJ =
+        RigidTransform(Matrix3(Eigen::AngleAxisd(slant, Vector3::UnitY()).matrix()), Vector3::Zero());
     closure.X_BJ = RigidTransform(closure.X_BJ.rotation(), Vector3(-0.1, 0, 0));
     builder.AddClosure(closure);
     builder.SetInterfaces({"slider", "follower"});

@@ -242,7 +242,8 @@ TEST(ReduceErrors, ComplianceOfASpringFreeMotion) {
   definition.joints[1].freedoms[0].stiffness = 0;
   const auto m = Share(definition);
   const std::vector<BodyIndex> tip{m->FindBody("tip")};
-  const auto walk = WalkCompliance(*m, VectorX::Zero(3), tip), dense = DenseCompliance(*m, VectorX::Zero(3), tip);
+  const auto walk = WalkCompliance(*m, VectorX::Zero(3), tip),
+             dense = DenseCompliance(*m, VectorX::Zero(3), tip);
   // The tip swings about the second joint, 0.2 m away; what it feels of the springs beside that is the same by
   // both roads and does no work on the swing.
   ASSERT_EQ(walk.free.cols(), 1);

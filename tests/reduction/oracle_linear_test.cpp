@@ -44,7 +44,8 @@ TEST_P(Linear, SizesAndRefusal) {
 
 TEST_P(Linear, Compliance) {
   if (Refused()) return;
-  const char* key = expected_["compliance_world"].is_null() ? "compliance_world_base_held" : "compliance_world";
+  const char* key =
+      expected_["compliance_world"].is_null() ? "compliance_world_base_held" : "compliance_world";
   const auto walk = WalkCompliance(*mechanism_, q0_, interfaces_);
   const auto dense = DenseCompliance(*mechanism_, q0_, interfaces_);
   if (!expected_.contains(key) || expected_[key].is_null()) {
@@ -78,7 +79,8 @@ TEST_P(Linear, Compliance) {
 void ExpectFrequencies(const std::vector<double>& actual, const json& expected) {
   ASSERT_GE(actual.size(), expected.size());
   for (std::size_t i = 0; i < expected.size(); ++i)
-    EXPECT_NEAR(actual[i], expected[i].get<double>(), kFrequency * expected[i].get<double>()) << "number " << i;
+    EXPECT_NEAR(actual[i], expected[i].get<double>(), kFrequency * expected[i].get<double>())
+        << "number " << i;
 }
 
 TEST_P(Linear, FullFrequencies) {

@@ -18,15 +18,16 @@ namespace {
 
 constexpr double kSpinnerInertia = 1e-3;  // kg·m²
 
-MechanismDef Spinner(double damping, double armature, const Vector3& gear = Vector3::Zero(), double torque = 0) {
+MechanismDef Spinner(double damping, double armature, const Vector3& gear = Vector3::Zero(),
+                     double torque = 0) {
   MechanismBuilder builder("spinner");
   BodyDef body;
   body.name = "b";
   body.parent = builder.base();
   body.inertia.mass = 0.1;
   body.inertia.rotational = kSpinnerInertia * Matrix3::Identity();
-  const JointIndex joint =
-      builder.AddJoint(JointDef::Ball("j", builder.AddBody(body)).WithSpring(0, damping).WithArmature(armature));
+  const JointIndex joint = builder.AddJoint(
+      JointDef::Ball("j", builder.AddBody(body)).WithSpring(0, damping).WithArmature(armature));
   builder.SetInterfaces({"b"});
   MechanismDef def = builder.definition();
   ControlDef motor;
@@ -69,12 +70,13 @@ TEST(BallJoint, MotorAtTwoRadiansTurnsAboutTheAxisOfTheBody) {
   for (unsigned seed = 0; seed < 4; ++seed) {
     testing::RandomSource random(seed);
     const Vector3 theta = 2 * random.Direction(), gear = random.Direction();
-    FullSimulation s =
-        Turning(Spinner(0, 1e-3, gear, torque), theta, Vector3::Zero(), time / 40, FullIntegrator::kTwoStages);
+    FullSimulation s = Turning(Spinner(0, 1e-3, gear, torque), theta, Vector3::Zero(), time / 40,
+                               FullIntegrator::kTwoStages);
     Advance(s, time);
     const Vector3 turn = 0.5 * torque / (2 * kSpinnerInertia) * time * time * gear;
     const Matrix3 expected = ExpRotation(theta) * ExpRotation(turn);
-    EXPECT_LT(LogRotation(expected.transpose() * s.Pose(s.FindBody("b")).rotation()).norm(), 1e-4) << "seed " << seed;
+    EXPECT_LT(LogRotation(expected.transpose() * s.Pose(s.FindBody("b")).rotation()).norm(), 1e-4)
+        << "seed " << seed;
   }
 }
 

@@ -3,8 +3,8 @@
 
 #include <demo/support.hpp>
 #include <filesystem>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <functional>
 #include <ostream>
 

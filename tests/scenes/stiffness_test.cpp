@@ -39,8 +39,8 @@ INSTANTIATE_TEST_SUITE_P(
                     Stiff{"hexapod_terrain", 1, 6}, Stiff{"hexapod_terrain", 100, 6},
                     Stiff{"hexapod_terrain", 1e3, 6}, Stiff{"hammer", 1, 4}, Stiff{"hammer", 100, 4},
                     Stiff{"hammer", 1e3, 4}, Stiff{"peg_in_hole", 1, 5}, Stiff{"peg_in_hole", 100, 5},
-                    Stiff{"peg_in_hole", 1e3, 5}, Stiff{"excavator", 100, 5}, Stiff{"excavator", 1e3, 5}, Stiff{"beam_walkers", 1, 8},
-                    Stiff{"beam_walkers", 1e3, 8}, Stiff{"grasp_sphere", 100, 6},
+                    Stiff{"peg_in_hole", 1e3, 5}, Stiff{"excavator", 100, 5}, Stiff{"excavator", 1e3, 5},
+                    Stiff{"beam_walkers", 1, 8}, Stiff{"beam_walkers", 1e3, 8}, Stiff{"grasp_sphere", 100, 6},
                     Stiff{"grasp_sphere", 1e3, 6}, Stiff{"grasp_box", 100, 6}, Stiff{"grasp_mug", 100, 6},
                     Stiff{"grasp_mug", 1e3, 6}));
 

@@ -1,7 +1,7 @@
 // Streams for the viewer's own tests, with the poses that belong to them: the page must find the same.
 #include <filesystem>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/recovery/recover.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fstream>
 #include <nlohmann/json.hpp>
 

@@ -31,7 +31,7 @@ TEST(ControlTrack, LinearBetweenRowsAndHeldOutside) {
   track.times = {1, 2, 4};
   track.rows = {{0.1, 0}, {0.3, -1}, {-0.1, 1}};
   const double expected[][3] = {// time, second, first
-                                {-5, 0.1, 0}, {0, 0.1, 0},      {1, 0.1, 0}, {1.5, 0.2, -0.5}, {2, 0.3, -1},
+                                {-5, 0.1, 0}, {0, 0.1, 0},     {1, 0.1, 0},  {1.5, 0.2, -0.5}, {2, 0.3, -1},
                                 {3, 0.1, 0},  {3.5, 0.0, 0.5}, {4, -0.1, 1}, {100, -0.1, 1}};
   for (const auto& row : expected) {
     track.Apply(row[0], s);

@@ -70,7 +70,8 @@ TEST_P(HoldTogetherBy, TwoMechanismsHoldAsOneDoes) {
   }
   const auto by_body = [](const Simulation& s) {
     std::map<std::string, HoldForce> out;
-    for (const HoldForce& f : s.HoldForces()) out.emplace(s.bodies()[static_cast<std::size_t>(f.body)].name, f);
+    for (const HoldForce& f : s.HoldForces())
+      out.emplace(s.bodies()[static_cast<std::size_t>(f.body)].name, f);
     return out;
   };
   const auto of_one = by_body(one), of_two = by_body(two);

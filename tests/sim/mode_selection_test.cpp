@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,8 +1,8 @@
 // The object that users hold: names, inputs, hashes, keyframes.
 #include <gtest/gtest.h>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/sim/tally.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <mechanisms.hpp>
 
 #include <cmath>
@@ -35,7 +35,8 @@ Scene TestScene() {
   MechanismDef finger = testing::Chain(2, 0.1, 0.1, 5, 0.1);
   finger.name = "finger";
   finger.bodies[0].name = "palm";
-  for (std::size_t i = 1; i < finger.bodies.size(); ++i) finger.bodies[i].name = "finger_" + finger.bodies[i].name;
+  for (std::size_t i = 1; i < finger.bodies.size(); ++i)
+    finger.bodies[i].name = "finger_" + finger.bodies[i].name;
   for (JointDef& joint : finger.joints) joint.name = "finger_" + joint.name;
   finger.interfaces = {"finger_tip"};
   ControlDef grip;
@@ -106,7 +107,8 @@ TEST(Simulation, ReportsWhyItRelinearizes) {
 
 TEST(Simulation, ControlsHaveNamesAndLimits) {
   Simulation s = MustCreate(TestScene());
-  const std::vector<std::string> names = {"grip", "hand.x", "hand.y", "hand.z", "hand.rx", "hand.ry", "hand.rz"};
+  const std::vector<std::string> names = {"grip",    "hand.x",  "hand.y", "hand.z",
+                                          "hand.rx", "hand.ry", "hand.rz"};
   EXPECT_EQ(s.control_names(), names);
   EXPECT_EQ(s.FindControl("hand.rx"), 4);
   EXPECT_EQ(s.FindControl("grip "), -1);

@@ -1,5 +1,5 @@
-#include <fork1s/spatial/screw_motion.hpp>
 #include <gtest/gtest.h>
+#include <fork1s/spatial/screw_motion.hpp>
 
 #include <limits>
 
@@ -38,8 +38,9 @@ TEST(ScrewMotion, SlidesAlongWhatDoesNotTurn) {
 
 TEST(RigidTransform, IsFiniteAsLongAsAllOfItIs) {
   for (int k = 0; k < 12; ++k)
-    for (const double bad : {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
-                             std::numeric_limits<double>::quiet_NaN()}) {
+    for (const double bad :
+         {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+          std::numeric_limits<double>::quiet_NaN()}) {
       RigidTransform X(Vector3(1e300, -2, 3));
       EXPECT_TRUE(X.IsFinite());
       X.data()[k] = bad;
@@ -52,7 +53,8 @@ TEST(RigidTransform, ProductsAreThoseOfTheMatrices) {
   for (const Vector6& x : Samples())
     for (const Vector6& y : Samples()) {
       const RigidTransform X = Exp(x), Y = Exp(y);
-      EXPECT_LE(Difference(Homogeneous(X * Y), Homogeneous(X) * Homogeneous(Y)), kTolerance * (Scale(x) + Scale(y)));
+      EXPECT_LE(Difference(Homogeneous(X * Y), Homogeneous(X) * Homogeneous(Y)),
+                kTolerance * (Scale(x) + Scale(y)));
     }
 }
 

@@ -1,8 +1,8 @@
 // Forces at points that are fixed in a body: their energy, momentum and stiffness in two-stage steps.
 #include <algorithm>
 #include <cmath>
-#include <stepping/support.hpp>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

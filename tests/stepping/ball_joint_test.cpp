@@ -2,8 +2,8 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
 #include <cmath>
-#include <stepping/support.hpp>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {
@@ -16,15 +16,16 @@ using testing::Still;
 constexpr double kSpinnerInertia = 1e-3;  // kg·m²
 
 // A sphere of inertia kSpinnerInertia that hangs in its centre.
-MechanismDef Spinner(double damping, double armature, const std::vector<std::pair<Vector3, double>>& motors = {}) {
+MechanismDef Spinner(double damping, double armature,
+                     const std::vector<std::pair<Vector3, double>>& motors = {}) {
   MechanismBuilder builder("spinner");
   BodyDef body;
   body.name = "b";
   body.parent = builder.base();
   body.inertia.mass = 0.1;
   body.inertia.rotational = kSpinnerInertia * Matrix3::Identity();
-  const JointIndex joint =
-      builder.AddJoint(JointDef::Ball("j", builder.AddBody(body)).WithSpring(0, damping).WithArmature(armature));
+  const JointIndex joint = builder.AddJoint(
+      JointDef::Ball("j", builder.AddBody(body)).WithSpring(0, damping).WithArmature(armature));
   builder.SetInterfaces({"b"});
   MechanismDef def = builder.definition();
   for (std::size_t i = 0; i < motors.size(); ++i) {
@@ -85,11 +86,13 @@ TEST(BallJoint, MotorAtTwoRadiansTurnsAboutTheAxisOfTheBody) {
     World world = MustStart(Spinner(0, 0, {{gear, torque}}), theta, Vector3::Zero());
     for (int i = 0; i < 40; ++i) world.Step(SecondOrder(time / 40));
     // An axis of the body about which it turns stays where it is.
-    EXPECT_LT((BodyRate(world) - torque * time / kSpinnerInertia * gear).norm(), 1e-4 * torque * time / kSpinnerInertia)
+    EXPECT_LT((BodyRate(world) - torque * time / kSpinnerInertia * gear).norm(),
+              1e-4 * torque * time / kSpinnerInertia)
         << "seed " << seed;
     const Matrix3 R = world.mechanisms()[0].BodyPose(BodyIndex(1)).rotation();
     const Vector3 turn = 0.5 * torque / kSpinnerInertia * time * time * gear;
-    EXPECT_LT(LogRotation((ExpRotation(theta) * ExpRotation(turn)).transpose() * R).norm(), 2e-4) << "seed " << seed;
+    EXPECT_LT(LogRotation((ExpRotation(theta) * ExpRotation(turn)).transpose() * R).norm(), 2e-4)
+        << "seed " << seed;
   }
 }
 

@@ -1,6 +1,6 @@
 // Mechanisms in contact: stiff gains, mass ratios, one mechanism against another.
-#include <stepping/support.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,6 +1,6 @@
 // Loops closed by their curvature while a mechanism moves.
-#include <stepping/support.hpp>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 #include <algorithm>
 

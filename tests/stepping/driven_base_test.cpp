@@ -1,8 +1,8 @@
 // Driven bases in steps of two stages: friction, weight and springs on a base whose rate is continuous.
 #include <cmath>
-#include <stepping/support.hpp>
 #include <fork1s/world/world_state.hpp>
 #include <functional>
+#include <stepping/support.hpp>
 
 namespace fork1s::driven_base_test {
 namespace {
@@ -53,8 +53,9 @@ Vector3 ForceOnBox(const World& world, double h) {
 }
 
 struct Ride {
-  double slip = 0;         // m, largest distance from where the box stood on the plate
-  double force_error = 0;  // of m a, relative, from the fourth step of the acceleration on; of estimated rates the tenth
+  double slip = 0;  // m, largest distance from where the box stood on the plate
+  double force_error =
+      0;  // of m a, relative, from the fourth step of the acceleration on; of estimated rates the tenth
   int impacts = 0;
 };
 
@@ -82,10 +83,12 @@ Ride Accelerate(double share_of_limit, double h, double yaw, double mass, Rate r
     const StepReport report = world.Step(testing::TwoStage(h, testing::kDown));
     EXPECT_TRUE(report.finite && report.stages_converged) << i;
     ride.impacts += report.impact && i > 0.1 / h ? 1 : 0;
-    const Vector3 on_plate = world.mechanisms()[0].state().X_WR.inverse() * world.free_bodies()[0].pose().translation();
+    const Vector3 on_plate =
+        world.mechanisms()[0].state().X_WR.inverse() * world.free_bodies()[0].pose().translation();
     ride.slip = std::max(ride.slip, (on_plate - at).head<2>().norm());
     if (i * h > from + (rate == Rate::kKnown ? 3.5 : 9.5) * h && i * h < to + 0.5 * h)
-      ride.force_error = std::max(ride.force_error, std::abs(ForceOnBox(world, h).dot(along) / (mass * a) - 1));
+      ride.force_error =
+          std::max(ride.force_error, std::abs(ForceOnBox(world, h).dot(along) / (mass * a) - 1));
   }
   return ride;
 }
@@ -118,12 +121,13 @@ TEST(DrivenBase, EstimatedRate_FrictionCarriesAfterTheOnset) {
 // A tray that moves up and down with 0.6 g at most.
 TEST(DrivenBase, VerticalMotion_BoxKeepsContactAndFeelsItsAcceleration) {
   const double omega = 7, height = 0.6 * kGravity / (omega * omega);
-  const Motion motion{[&](double t) { return RigidTransform(Vector3(0, 0, height * (1 - std::cos(omega * t)))); },
-                      [&](double t) {
-                        Vector6 V = Vector6::Zero();
-                        V(5) = height * omega * std::sin(omega * t);
-                        return V;
-                      }};
+  const Motion motion{
+      [&](double t) { return RigidTransform(Vector3(0, 0, height * (1 - std::cos(omega * t)))); },
+      [&](double t) {
+        Vector6 V = Vector6::Zero();
+        V(5) = height * omega * std::sin(omega * t);
+        return V;
+      }};
   for (const Rate rate : {Rate::kKnown, Rate::kEstimated})
     for (const double h : kSteps) {
       SCOPED_TRACE(::testing::Message() << (rate == Rate::kKnown ? "known" : "estimated") << ", h = " << h);
@@ -152,12 +156,13 @@ TEST(DrivenBase, TurntableSpinsUp_BoxKeepsItsPlace) {
     const double s = std::min(t, until);
     return 0.5 * alpha * s * s + alpha * s * (t - s);
   };
-  const Motion motion{[&](double t) { return RigidTransform(ExpRotation(Vector3(0, 0, angle(t))), Vector3(0, 0, 0)); },
-                      [&](double t) {
-                        Vector6 V = Vector6::Zero();
-                        V(2) = alpha * std::min(t, until);
-                        return V;
-                      }};
+  const Motion motion{
+      [&](double t) { return RigidTransform(ExpRotation(Vector3(0, 0, angle(t))), Vector3(0, 0, 0)); },
+      [&](double t) {
+        Vector6 V = Vector6::Zero();
+        V(2) = alpha * std::min(t, until);
+        return V;
+      }};
   for (const Rate rate : {Rate::kKnown, Rate::kEstimated})
     for (const double h : kSteps) {
       SCOPED_TRACE(::testing::Message() << (rate == Rate::kKnown ? "known" : "estimated") << ", h = " << h);
@@ -197,7 +202,8 @@ TEST(DrivenBase, SmoothPath_ErrorFallsWithTheSquareOfTheStep) {
   const auto s_dot = [](double t) { return (3 - t) * t * t * std::exp(-t); };
   for (const bool turns : {false, true}) {
     const Motion motion{[&](double t) {
-                          return RigidTransform(ExpRotation(Vector3((turns ? 3 : 0) * s(t) * axis)), Vector3(s(t) * along));
+                          return RigidTransform(ExpRotation(Vector3((turns ? 3 : 0) * s(t) * axis)),
+                                                Vector3(s(t) * along));
                         },
                         [&](double t) {
                           Vector6 V;
@@ -213,7 +219,8 @@ TEST(DrivenBase, SmoothPath_ErrorFallsWithTheSquareOfTheStep) {
         for (std::size_t i = 0; i < q.size(); ++i) error = std::max(error, std::abs(q[i] - truth[i]));
         errors.push_back(error);
       }
-      SCOPED_TRACE(::testing::Message() << (turns ? "turns" : "slides") << (rate == Rate::kKnown ? ", known" : ", estimated"));
+      SCOPED_TRACE(::testing::Message()
+                   << (turns ? "turns" : "slides") << (rate == Rate::kKnown ? ", known" : ", estimated"));
       EXPECT_GT(std::log2(errors.front() / errors.back()) / 3, 1.8)
           << errors[0] << " " << errors[1] << " " << errors[2] << " " << errors[3];
     }
@@ -235,7 +242,8 @@ TEST(DrivenBase, ConstantVelocity_JointsMoveAsAtRest) {
       rest.Step(testing::TwoStage(h, testing::kDown));
       moves.Step(testing::TwoStage(h, testing::kDown));
     }
-    EXPECT_LT((rest.mechanisms()[0].configuration().q - moves.mechanisms()[0].configuration().q).norm(), 1e-9) << h;
+    EXPECT_LT((rest.mechanisms()[0].configuration().q - moves.mechanisms()[0].configuration().q).norm(), 1e-9)
+        << h;
   }
 }
 
@@ -250,11 +258,13 @@ TEST(DrivenBase, SuddenStop_DoesNotOvershoot) {
     m.DriveBase(RigidTransform(Vector3(0.01 * i, 0, 0)));
     world.Step(testing::TwoStage(h, testing::kDown));
   }
-  const BasePath path = PathOfBase([&] {
-    MechanismState state;
-    m.Save(state);
-    return state;
-  }(), h);
+  const BasePath path = PathOfBase(
+      [&] {
+        MechanismState state;
+        m.Save(state);
+        return state;
+      }(),
+      h);
   for (const double share : {0.1, 0.3, 0.5, 0.7, 1.0}) {
     EXPECT_NEAR(path.PoseAt(share).translation().x(), 0.2, 1e-15) << share;
     EXPECT_EQ(path.RateAt(share).norm(), 0) << share;

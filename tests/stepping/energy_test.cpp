@@ -1,7 +1,7 @@
 // Energy never grows by itself.
-#include <stepping/support.hpp>
-#include <random_mechanism.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {
@@ -192,7 +192,8 @@ TEST(Energy, OfAServoIsThatOfItsSetPointNow) {
     m.controls()(0) = set_point;
     for (int step = 0; step < 3; ++step) {
       const double q = m.configuration().q(0);
-      EXPECT_NEAR(m.PotentialEnergy(Vector3::Zero()), 0.5 * kStiffness * (q - set_point) * (q - set_point), 1e-14);
+      EXPECT_NEAR(m.PotentialEnergy(Vector3::Zero()), 0.5 * kStiffness * (q - set_point) * (q - set_point),
+                  1e-14);
       world.Step(Still());
     }
     EXPECT_NE(m.configuration().q(0), 0);

@@ -1,7 +1,7 @@
 // Mechanisms in free flight, and on a base that is driven.
-#include <stepping/support.hpp>
-#include <random_mechanism.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,6 +1,6 @@
 // Free rigid bodies: falling, tumbling, rolling, sliding, sticking.
-#include <stepping/support.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,6 +1,6 @@
 // Loops of one freedom whose crank goes round: through every pose that they have, dead centres among them.
-#include <stepping/support.hpp>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 #include <algorithm>
 #include <array>
@@ -86,7 +86,8 @@ class Loop {
     double sum = 0;
     for (std::size_t b = 0; b < 3; ++b) {
       const Vector3 v = (after[b] * inertia[b].center - before[b] * inertia[b].center) / (2 * d);
-      const Matrix3 W = here[b].rotation().transpose() * (after[b].rotation() - before[b].rotation()) / (2 * d);
+      const Matrix3 W =
+          here[b].rotation().transpose() * (after[b].rotation() - before[b].rotation()) / (2 * d);
       const Vector3 w = 0.5 * Vector3(W(2, 1) - W(1, 2), W(0, 2) - W(2, 0), W(1, 0) - W(0, 1));
       sum += inertia[b].mass * v.squaredNorm() + w.dot(inertia[b].rotational * w);
     }
@@ -131,7 +132,8 @@ class Loop {
       Follow(phi, &share);
       if (!(share < straight)) return false;
       const RigidTransform R = Poses(phi)[1];
-      if (std::abs(R.rotation()(2, 0)) > steep) return false;  // the rod along z, where a universal joint locks
+      if (std::abs(R.rotation()(2, 0)) > steep)
+        return false;  // the rod along z, where a universal joint locks
     }
     return true;
   }
@@ -271,7 +273,8 @@ Turned Turn(unsigned seed, Integrator integrator, double h) {
     last = now;
     const double after = std::abs(turned.angle);
     if (before < kOnce && after >= kOnce) turned.time = h * (i + (kOnce - before) / (after - before));
-    turned.off = std::max(turned.off, (in_base(follower) * loop.RodEndOnFollower() - loop.RodEnd(now)).norm());
+    turned.off =
+        std::max(turned.off, (in_base(follower) * loop.RodEndOnFollower() - loop.RodEnd(now)).norm());
     const double left = (energy() - start - torque * turned.angle) / drive.energy;
     turned.gained = std::max(turned.gained, left);
     turned.lost = -left;

@@ -40,7 +40,8 @@ World AfterTwoSeconds(const MechanismDef& def, Integrator integrator, double* be
   options.integrator = integrator;
   for (int i = 0; i < 120; ++i) {
     EXPECT_TRUE(world.Step(options).finite);
-    if (beyond) *beyond = std::max(*beyond, world.mechanisms()[0].configuration().q.cwiseAbs().maxCoeff() - kStop);
+    if (beyond)
+      *beyond = std::max(*beyond, world.mechanisms()[0].configuration().q.cwiseAbs().maxCoeff() - kStop);
   }
   return world;
 }
@@ -54,7 +55,8 @@ TEST(InteriorStops, HoldWhateverTheSpringsAndDampers) {
         double of_whole = 0;
         AfterTwoSeconds(Tail(stiffness, damping, kTailLinks), integrator, &of_whole);
         // Impacts on stops go as far beyond them as those of the whole mechanism.
-        EXPECT_LT(beyond, std::max(0.01 * 2 * kStop, 1.01 * of_whole)) << stiffness << " N·m/rad, " << damping << " N·m·s/rad";
+        EXPECT_LT(beyond, std::max(0.01 * 2 * kStop, 1.01 * of_whole))
+            << stiffness << " N·m/rad, " << damping << " N·m·s/rad";
       }
 }
 
@@ -62,7 +64,8 @@ TEST(InteriorStops, RestAsTheWholeMechanismDoes) {
   for (const double stiffness : {1e-4, 1e-2, 0.3}) {
     const World reduced = AfterTwoSeconds(Tail(stiffness, 0.05), Integrator::kEuler),
                 whole = AfterTwoSeconds(Tail(stiffness, 0.05, kTailLinks), Integrator::kEuler);
-    EXPECT_LT((reduced.mechanisms()[0].configuration().q - whole.mechanisms()[0].configuration().q).norm(), 1e-6)
+    EXPECT_LT((reduced.mechanisms()[0].configuration().q - whole.mechanisms()[0].configuration().q).norm(),
+              1e-6)
         << stiffness;
   }
 }

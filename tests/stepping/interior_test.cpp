@@ -1,6 +1,6 @@
 // What the interior's own displacement does under loads that stiffen it.
-#include <stepping/support.hpp>
 #include <fork1s/mechanism/builder.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {
@@ -29,7 +29,8 @@ MechanismDef RopeBesideSlider() {
     link.X_PB = RigidTransform(Vector3(i == 0 ? 0 : kLink, 0, 0));
     link.inertia = testing::Rod(i + 1 == kLinks ? 5 : 0.01, kLink);
     parent = builder.AddBody(link);
-    builder.AddJoint(JointDef::Hinge("hinge" + std::to_string(i), parent, Vector3::UnitZ()).WithSpring(0.5, 2));
+    builder.AddJoint(
+        JointDef::Hinge("hinge" + std::to_string(i), parent, Vector3::UnitZ()).WithSpring(0.5, 2));
   }
   builder.SetInterfaces({"slider", "link5"});
   return builder.definition();

@@ -1,7 +1,7 @@
 // Load columns in motion: what the interface does not feel moves by the equation of motion, with its inertia.
-#include <stepping/support.hpp>
 #include <fork1s/linalg/cholesky.hpp>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

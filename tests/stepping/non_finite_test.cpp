@@ -1,10 +1,10 @@
 // A step that meets a number that is not finite is undone and says so.
 #include <cmath>
-#include <stepping/support.hpp>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
-#include <limits>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <limits>
 
 namespace fork1s {
 namespace {

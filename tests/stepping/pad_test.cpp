@@ -1,7 +1,7 @@
 // Where contact points are redundant, forces spread as on an elastic pad: symmetric, and without squeezing
 // sideways.
-#include <stepping/support.hpp>
 #include <fork1s/mechanism/builder.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

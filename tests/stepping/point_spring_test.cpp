@@ -1,8 +1,8 @@
 // A spring between a point of a body and a target in the world: energy, order and rest of two-stage steps.
 #include <algorithm>
 #include <cmath>
-#include <stepping/support.hpp>
 #include <functional>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,6 +1,6 @@
 // The contact problem of a step, taken out and solved apart, is the step's own.
-#include <stepping/support.hpp>
 #include <fork1s/constraints/contact_problem.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

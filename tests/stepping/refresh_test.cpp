@@ -1,8 +1,8 @@
 // Moving the reference: nothing jumps, no energy appears.
-#include <stepping/support.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/builder.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

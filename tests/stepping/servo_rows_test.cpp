@@ -86,7 +86,8 @@ std::vector<signed char> Sides(const World& world) {
 /// Steps worlds of the seeds from 0 on, with other set-points in every 15th step: before(world), step, after(world,
 /// report, "seed s, step i").
 template <class Before, class After>
-void StepAll(unsigned seeds, int steps, const StepOptions& options, const Before& before, const After& after) {
+void StepAll(unsigned seeds, int steps, const StepOptions& options, const Before& before,
+             const After& after) {
   for (unsigned seed = 0; seed < seeds; ++seed) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> unit(-1, 1);
@@ -118,7 +119,8 @@ TEST_P(ManyServos, EveryStepFindsWhichGiveAllTheyCan) {
     const std::vector<signed char> sides = Sides(world);
     for (std::size_t k = 0; k < sides.size(); ++k) turns += sides[k] != last[k];
   };
-  StepAll(100, 150, options, [&](const World& world) { last = Sides(world); }, after);
+  StepAll(
+      100, 150, options, [&](const World& world) { last = Sides(world); }, after);
   EXPECT_GT(turns, steps / 20);
   EXPECT_LT(unsolved, steps / (GetParam() == Integrator::kEuler ? 200 : 500));
 }
@@ -178,7 +180,8 @@ TEST(ServoLaw, TheProblemOfAStepHasItsRows) {
     const double size = std::max(1e-3, velocity.norm());
     EXPECT_LT((problem.VelocityUnderImpulses() - velocity).norm(), 1e-7 * size) << when;
   };
-  StepAll(12, 60, {}, [](const World&) {}, after);
+  StepAll(
+      12, 60, {}, [](const World&) {}, after);
   EXPECT_GT(problems, 300);
 }
 

@@ -1,8 +1,8 @@
 // Where motion comes to rest, against the equilibrium of the full mechanism.
-#include <stepping/support.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/reduction/statics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

@@ -34,7 +34,8 @@ MechanismDef LinkWithTriangle(unsigned seed) {
     builder.AddJoint(JointDef::Hinge(rod.name + " pin", rods[i], axis).WithSpring(0.1).WithLimits(0, 0.5));
   }
   const auto in = [&](int i) {
-    return Vector3(apex - builder.definition().bodies[static_cast<std::size_t>(rods[i].value())].X_PB.translation());
+    return Vector3(apex -
+                   builder.definition().bodies[static_cast<std::size_t>(rods[i].value())].X_PB.translation());
   };
   builder.AddClosure(ClosureDef::Connect("apex", rods[0], rods[1], in(0), in(1)));
   builder.SetInterfaces({"link"});

@@ -1,8 +1,8 @@
 // The two-stage implicit step: order, stiff springs that turn, momentum, contact, and what it reports.
 #include <cmath>
-#include <stepping/support.hpp>
 #include <limits>
 #include <random_mechanism.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {
@@ -88,7 +88,8 @@ MechanismDef Bob(double stiffness, double amplitude) {
   constexpr double kLength = 0.5, kMass = 0.5;
   const double length = kLength + kMass * 9.81 * std::cos(amplitude) / stiffness;
   MechanismDef def = testing::BobOnPath(kMass, length, amplitude, "spring");
-  def.springs.push_back({"spring", {}, stiffness, 0, kLength - length, {0, 1}});  // rest counts from the length at q = 0
+  def.springs.push_back(
+      {"spring", {}, stiffness, 0, kLength - length, {0, 1}});  // rest counts from the length at q = 0
   return def;
 }
 
@@ -255,7 +256,8 @@ TEST(TwoStage, ALandingIsNotThrownBack) {
       double impulse = 0;
       for (const ContactRecord& c : world.contacts()) impulse += c.impulse(0);
       EXPECT_NEAR(impulse, world.free_bodies()[0].velocity_of_center().z() - before + 9.81 * h, 1e-9);
-      EXPECT_LT(world.free_bodies()[0].velocity_of_center().z(), 1e-3);  // 0.16 is what gravity gives in a step
+      EXPECT_LT(world.free_bodies()[0].velocity_of_center().z(),
+                1e-3);  // 0.16 is what gravity gives in a step
     }
     EXPECT_NEAR(world.free_bodies()[0].pose().translation().z(), 0.1, 1e-5);
   }
@@ -278,7 +280,8 @@ TEST(TwoStage, InputsGoOnThroughAnImpact) {
   arm.controls.push_back(servo);
   const auto set_point = [](double t) { return VectorX(VectorX::Constant(1, std::sin(9 * t))); };
   const auto base = [](double t) {
-    return RigidTransform(ExpRotation(Vector3(0, 0, 0.4 * std::sin(7 * t))), Vector3(5 + 0.1 * std::sin(8 * t), 0, 2));
+    return RigidTransform(ExpRotation(Vector3(0, 0, 0.4 * std::sin(7 * t))),
+                          Vector3(5 + 0.1 * std::sin(8 * t), 0, 2));
   };
   arm.X_WR = base(0);
   const auto run = [&](bool with_ball, double step_h, int& impacts) {

@@ -20,8 +20,8 @@ struct EnergyCourse {
 std::ostream& operator<<(std::ostream& out, const EnergyCourse& c) {
   return out << "energy " << c.first << " to " << c.last << ", at most " << c.most << ", kinetic at most "
              << c.most_kinetic << ", halved " << c.halved << " (unsolved " << c.unsolved << ", saturation "
-             << c.saturations << "), unconverged " << c.unconverged << ", iterations at most " << c.most_iterations
-             << (c.finite ? "" : ", NOT FINITE");
+             << c.saturations << "), unconverged " << c.unconverged << ", iterations at most "
+             << c.most_iterations << (c.finite ? "" : ", NOT FINITE");
 }
 
 // `push` [N] on the last body through the steps of `from` to `to` [s].
@@ -104,8 +104,8 @@ TEST(UnsolvedStage, ThreeLinksThatSpinFastGainNoEnergy) {
       for (const double h : {1.0 / 60, 1.0 / 240, 1.0 / 960}) {
         VectorX q_dot(3);
         q_dot << 50, sign * 50, 50;
-        World world = MustStart(testing::Chain(3, 0.25, 1, 20, 0, spatial), VectorX::Zero(3), q_dot, Vector6::Zero(),
-                                AllModes());
+        World world = MustStart(testing::Chain(3, 0.25, 1, 20, 0, spatial), VectorX::Zero(3), q_dot,
+                                Vector6::Zero(), AllModes());
         const EnergyCourse c = RunFor(world, testing::TwoStage(h, testing::kDown), 1);
         EXPECT_TRUE(c.finite);
         // The last link turns by 1 to 2.5 rad in a step of 1/60 s, where SDIRK2 gains up to 8 %.
@@ -125,7 +125,8 @@ TEST(UnsolvedStage, ASpinningTopGainsNoEnergy) {
       const BodyIndex b = builder.AddBody(top);
       builder.AddJoint(JointDef::Ball("foot", b));
       builder.SetInterfaces({"top"});
-      World world = MustStart(builder.definition(), Vector3(0.3, 0, 0), ExpRotation(Vector3(0.3, 0, 0)) * Vector3(0, 0, spin));
+      World world = MustStart(builder.definition(), Vector3(0.3, 0, 0),
+                              ExpRotation(Vector3(0.3, 0, 0)) * Vector3(0, 0, spin));
       const EnergyCourse c = RunFor(world, testing::TwoStage(h, testing::kDown), 1);
       EXPECT_TRUE(c.finite);
       EXPECT_LT(c.most - c.first, 1e-3 * c.most_kinetic) << c;

@@ -1,6 +1,6 @@
 // Clocks between the parts of a step: that they are there and change nothing, not how long anything takes.
-#include <stepping/support.hpp>
 #include <fork1s/world/step_times.hpp>
+#include <stepping/support.hpp>
 
 namespace fork1s {
 namespace {

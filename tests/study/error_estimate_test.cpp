@@ -3,8 +3,8 @@
 
 #include <cmath>
 #include <fork1s/diagnostics/error_estimate.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/accuracy.hpp>
 #include <mechanisms.hpp>
 #include <numbers>
@@ -247,10 +247,8 @@ TransientCase StrikingCase(unsigned seed, bool smooth) {
     link.inertia = testing::Rod(random.Uniform(0.5, 1), length);
     last = builder.AddBody(link);
     const double stiffness = random.Uniform(60, 120), damping = random.Uniform(0.5, 1.5);
-    builder.AddJoint(
-        JointDef::Hinge("bend" + n, last, Vector3::UnitY()).WithSpring(stiffness, damping));
-    builder.AddJoint(
-        JointDef::Hinge("turn" + n, last, Vector3::UnitZ()).WithSpring(stiffness, damping));
+    builder.AddJoint(JointDef::Hinge("bend" + n, last, Vector3::UnitY()).WithSpring(stiffness, damping));
+    builder.AddJoint(JointDef::Hinge("turn" + n, last, Vector3::UnitZ()).WithSpring(stiffness, damping));
   }
   builder.SetInterfaces({"link1"});
   MechanismDef def = builder.definition();

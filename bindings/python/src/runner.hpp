@@ -120,7 +120,7 @@ class Runner {
   std::optional<RayCaster> rays_;  // when first asked for
   std::unique_ptr<Recorder> recorder_;
   int recorder_generation_ = 0;  // of the process that began it
-  std::string recording_;  // the file of the last recording
+  std::string recording_;        // the file of the last recording
   /// What a recording has no word for is refused while one goes on.
   void RefuseWhileRecording(const char* what);
   std::vector<Push> pushes_;

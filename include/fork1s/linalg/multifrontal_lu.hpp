@@ -43,11 +43,11 @@ class MultifrontalLu {
 
  private:
   struct Front {
-    int size = 0, own = 0;        // rows of the front; the first `own` of them are eliminated
-    std::size_t begin = 0;        // of its matrix [size x size] in values_
-    int first_row = 0;            // of its rows in rows_
-    int first_pivot = 0;          // of its pivots in pivots_
-    int parent = -1;              // the front to which its Schur complement is added
+    int size = 0, own = 0;  // rows of the front; the first `own` of them are eliminated
+    std::size_t begin = 0;  // of its matrix [size x size] in values_
+    int first_row = 0;      // of its rows in rows_
+    int first_pivot = 0;    // of its pivots in pivots_
+    int parent = -1;        // the front to which its Schur complement is added
     int first_run = 0, last_run = 0;
   };
   // Rows of a front below its own that are consecutive in the parent, too.
@@ -62,8 +62,9 @@ class MultifrontalLu {
 
   std::vector<Front> fronts_;  // in the order of elimination
   std::vector<Run> runs_;
-  std::vector<std::pair<std::size_t, int>> fill_;  // first and number of consecutive values outside of A's blocks
-  std::vector<int> rows_;      // per row of a front: row of A
+  std::vector<std::pair<std::size_t, int>>
+      fill_;               // first and number of consecutive values outside of A's blocks
+  std::vector<int> rows_;  // per row of a front: row of A
   std::vector<int> pivots_;
   std::vector<double> values_;
   mutable std::vector<double> scratch_;

@@ -12,7 +12,7 @@ struct NullSpace {
   MatrixX seen;                       ///< n x rank, orthonormal: the range of Aᵀ
   MatrixX unseen;                     ///< n x (n - rank), orthonormal: A unseen = 0 within the threshold
   std::vector<int> independent_rows;  ///< rank rows of A that span the others, ascending
-  VectorX doubtful;                   ///< n: the direction nearest the threshold where the rank is doubtful, else empty
+  VectorX doubtful;  ///< n: the direction nearest the threshold where the rank is doubtful, else empty
 };
 
 /// By QR with pivoting; where its diagonal leaves less than a millionfold gap, by singular values.

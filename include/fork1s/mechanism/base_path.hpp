@@ -20,9 +20,9 @@ struct BaseHistory {
 /// θ(s) and p(s), s from 0 to 1: R(s) = exp(θ(s)) R_start, and p(s) from the start; both in world axes.
 struct BasePath {
   RigidTransform X_start, X_end;
-  double h = 0;                                                            // s
-  Vector6 shift = Vector6::Zero();                                         // [θ(1); p(1)]
-  Vector6 slope_start = Vector6::Zero(), slope_end = Vector6::Zero();      // d/dt [θ; p]
+  double h = 0;                                                        // s
+  Vector6 shift = Vector6::Zero();                                     // [θ(1); p(1)]
+  Vector6 slope_start = Vector6::Zero(), slope_end = Vector6::Zero();  // d/dt [θ; p]
   /// The rate at the start is not the one that the base had: no smooth path leads to X_end.
   bool jumps = false;
 
@@ -42,8 +42,9 @@ struct BasePath {
 /// that of the path that X_end is a sample of; none: the slope at X_end of the parabola through the last three poses.
 /// Rotation and translation each are a straight line at constant rate where the distance is not what the two rates lead
 /// to: a sudden stop would overshoot its last pose else, and a sudden start its speed.
-BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_start, const RigidTransform& X_end,
-                         const std::optional<Vector6>& rate_end, const BaseHistory& history, double h);
+BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_start,
+                         const RigidTransform& X_end, const std::optional<Vector6>& rate_end,
+                         const BaseHistory& history, double h);
 
 /// World rate of a base that is driven by coordinates [x y z, rotation vector] from the derivatives of these; NaN: not
 /// known, and 0 where a coordinate stays as it is. None where one that changes, or all, are unknown.

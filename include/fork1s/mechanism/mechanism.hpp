@@ -25,7 +25,7 @@ class Mechanism {
     int last_joint = -1;   // last joint on the path from the root, -1 if none
     RigidTransform X_RB0;  // pose in R at q = 0
     SpatialInertia inertia_B;
-    double weighed_mass = 0;  // kg that gravity acts on: without the share that is compensated
+    double weighed_mass = 0;    // kg that gravity acts on: without the share that is compensated
     SpatialInertia inertia_R0;  // the same seen from R at q = 0
   };
   struct Joint {
@@ -67,7 +67,8 @@ class Mechanism {
     std::vector<int> coordinates;  // ascending
     std::vector<int> slot;         // per coordinate: its place among those, -1
     double at_reference = 0;       // m, at q = 0
-    LinearForm rates;  // not empty: the arms are those of Σ coefficient ω[index], the length is Σ coefficient θ[index]
+    LinearForm
+        rates;  // not empty: the arms are those of Σ coefficient ω[index], the length is Σ coefficient θ[index]
     bool has_potential =
         true;  // its arms are the derivatives of its length, and a spring on it stores energy
   };
@@ -188,7 +189,7 @@ class Mechanism {
   /// Springs act on single coordinates only, so that the stiffness matrix is diagonal.
   bool has_diagonal_stiffness() const { return springs_.empty() && num_springy_rows_ == 0; }
 
-  const Matrix6X& screws() const { return screws_; }       // 6 x n
+  const Matrix6X& screws() const { return screws_; }  // 6 x n
   /// Exp of each screw, of joints of one freedom alone what the joint does.
   const std::vector<ScrewMotion>& screw_motions() const { return screw_motions_; }  // n
   /// Whether a coordinate is an angle [rad], by itself or along a screw; else a way [m].

@@ -44,7 +44,7 @@ struct Scene {
   std::vector<FreeBodyDef> free_bodies;
   std::vector<GeometryDef> world;  // still geometry
   std::vector<std::pair<std::string, std::string>>
-      excluded_pairs;  // bodies that never touch; "world" is the world
+      excluded_pairs;                         // bodies that never touch; "world" is the world
   std::vector<ContactPairDef> contact_pairs;  // shapes that touch by a law of their own
   std::vector<KeyframeDef> keyframes;
 };

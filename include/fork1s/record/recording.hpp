@@ -38,19 +38,20 @@ struct RecordedContact {
 /// dataset of the same name, with its unit and meaning as attributes, in the groups /steps, /reduced,
 /// /contacts, /wrenches and /point_springs.
 struct RecordedSteps {
-  std::vector<double> time;         // s, after the step
-  std::vector<std::uint64_t> hash;  // Simulation::HashState() after the step
-  std::vector<double> controls;     // x controls: inputs of the step
+  std::vector<double> time;                  // s, after the step
+  std::vector<std::uint64_t> hash;           // Simulation::HashState() after the step
+  std::vector<double> controls;              // x controls: inputs of the step
   std::vector<std::uint8_t> controls_moved;  // Simulation::last_controls_moved()
-  std::vector<double> base_rates;   // x coordinates of driven bases: Simulation::SetBaseRate, NaN where not set
-  std::vector<double> poses;        // x bodies x 7: x y z [m], qw qx qy qz
+  std::vector<double>
+      base_rates;             // x coordinates of driven bases: Simulation::SetBaseRate, NaN where not set
+  std::vector<double> poses;  // x bodies x 7: x y z [m], qw qx qy qz
   /// x joint coordinates of all mechanisms as the scene has them, from the reference [rad, m].
   std::vector<double> coordinates;
-  std::vector<double> base_poses;           // x mechanisms x 7
-  std::vector<double> base_twists;          // x mechanisms x 6, in R about R's origin [rad/s, m/s]
-  std::vector<int> reduced_sizes;           // x mechanisms: r, which a refresh may change
+  std::vector<double> base_poses;              // x mechanisms x 7
+  std::vector<double> base_twists;             // x mechanisms x 6, in R about R's origin [rad/s, m/s]
+  std::vector<int> reduced_sizes;              // x mechanisms: r, which a refresh may change
   std::vector<std::uint8_t> detail, recovery;  // Fidelity of the step
-  std::vector<int> modes;                   // the same
+  std::vector<int> modes;                      // the same
   std::vector<double> kinetic_energy, potential_energy;  // J
   std::vector<double> closure_gap;                       // m
   std::vector<double> residual;                          // of the contact solver

@@ -42,16 +42,16 @@ struct Expansion {
   Matrix6X T;    // 6 x (n r): of what each coordinate moves, r columns a coordinate
   Matrix6X S;    // 6 x n, present screws
   std::vector<JointCurvature> joints;
-  MatrixX N;                         // m x r², ∂²µ/∂z²
-  MatrixX M;                         // r x r
-  MatrixX G;                         // r² x r
-  MatrixX D;                         // r x r, damping
-  MatrixX D_slope;  // r² x r: D + D'(δ) + D'(δ)ᵀ, as G; springs along paths stay as they are
-  MatrixX K;        // r x r: stiffness of springs without what their loads are stiff by
-  VectorX spring_force;              // r: f* of springs
-  MatrixX spring_slope;              // r x r: F of springs
-  MatrixX weight_force;              // r x 3: f* of weight, per unit of gravity along each axis of R
-  MatrixX weight_slope;              // r² x 3: F of weight, likewise
+  MatrixX N;             // m x r², ∂²µ/∂z²
+  MatrixX M;             // r x r
+  MatrixX G;             // r² x r
+  MatrixX D;             // r x r, damping
+  MatrixX D_slope;       // r² x r: D + D'(δ) + D'(δ)ᵀ, as G; springs along paths stay as they are
+  MatrixX K;             // r x r: stiffness of springs without what their loads are stiff by
+  VectorX spring_force;  // r: f* of springs
+  MatrixX spring_slope;  // r x r: F of springs
+  MatrixX weight_force;  // r x 3: f* of weight, per unit of gravity along each axis of R
+  MatrixX weight_slope;  // r² x 3: F of weight, likewise
   std::vector<RigidTransform> X_RB;  // per body
 };
 

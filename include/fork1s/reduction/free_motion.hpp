@@ -9,11 +9,12 @@ namespace fork1s {
 
 /// A motion of joints that keeps all loops closed and stretches no spring, with the base held.
 struct FreeMotion {
-  VectorX q;                      ///< n joint displacements, the largest 1 rad or one length of the mechanism
-  int pivot = -1;                 ///< coordinate that moves in this motion alone, the farthest of these
-  std::vector<JointIndex> joints; ///< that move, largest share first
-  std::vector<std::string> ties;  ///< tendons, springy closures, couplings and loops on these joints, which do not hold them
-  BodyIndex body;                 ///< of those asked for, the one that moves most; invalid where none moves
+  VectorX q;       ///< n joint displacements, the largest 1 rad or one length of the mechanism
+  int pivot = -1;  ///< coordinate that moves in this motion alone, the farthest of these
+  std::vector<JointIndex> joints;  ///< that move, largest share first
+  std::vector<std::string>
+      ties;        ///< tendons, springy closures, couplings and loops on these joints, which do not hold them
+  BodyIndex body;  ///< of those asked for, the one that moves most; invalid where none moves
   Vector6 twist = Vector6::Zero();  ///< of that body in world axes about its origin [rad, m]
 
   /// One sentence: what moves, why nothing holds it, what would.

@@ -87,7 +87,7 @@ class ReducedInertia {
   bool FillArmature(const Mechanism& mechanism, const Kinematics& kinematics, int joint_index);
   void AddBands(const ReducedJacobian& jacobian);
 
-  Matrix6 armature_;        // of one joint
+  Matrix6 armature_;       // of one joint
   std::vector<Sum> sums_;  // per joint
   int padded_ = 0;         // r in whole fours
   bool base_moves_ = false;

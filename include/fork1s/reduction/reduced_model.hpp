@@ -21,8 +21,9 @@ namespace fork1s {
 
 struct ReductionOptions {
   std::vector<BodyIndex> interfaces;  // empty: those that the mechanism's definition names
-  int modes = -1;                // fixed-interface modes to keep at most; negative: the definition's number
-  double rank_tolerance = 1e-4;  // what the interface feels less than this share of the most is left to the statics
+  int modes = -1;  // fixed-interface modes to keep at most; negative: the definition's number
+  double rank_tolerance =
+      1e-4;  // what the interface feels less than this share of the most is left to the statics
   /// A spring-free motion that no interface body sees is an error; with this its body becomes an interface.
   bool promote_hidden = false;
   /// s, above 0: where `modes` leaves the number to the definition and that has `modes_by_step`, all modes
@@ -56,10 +57,10 @@ struct ReducedModel {
   std::vector<BodyIndex> interfaces;
   VectorX q_ref;  // n, the pose about which the model is linear
 
-  int num_free = 0;     // spring-free directions seen by the interface
-  int num_elastic = 0;  // directions in which the interface feels springs
-  int num_modes = 0;    // fixed-interface modes
-  int num_loads = 0;    // load columns
+  int num_free = 0;                       // spring-free directions seen by the interface
+  int num_elastic = 0;                    // directions in which the interface feels springs
+  int num_modes = 0;                      // fixed-interface modes
+  int num_loads = 0;                      // load columns
   ModeSelection mode_selection;           // later references take the same
   std::vector<std::string> column_names;  // r: "elastic 1", "mode 2", "weight z (joint that moves most)"
 
@@ -111,8 +112,8 @@ struct ReducedModel {
 
 /// The state that moves: reduced coordinates and the base.
 struct ReducedState {
-  VectorX z;       // r
-  VectorX w;       // r, ż
+  VectorX z;  // r
+  VectorX w;  // r, ż
   RigidTransform X_WR;
   Vector6 V_R = Vector6::Zero();  // twist of the base in R about R's origin
 };
@@ -149,11 +150,11 @@ struct Configuration {
 
   // Loop scratch, m independent rows in the order of LoopRows.
   VectorX c_all, c, d, q_bar, q_move;
-  VectorX A;              // of those rows at q
-  RowMatrixX W;           // m x r in whole fours of columns: ∂µ/∂z
-  LoopFactor factor;                 // of A B at some pose before
-  VectorX q_bar_before, mu_before;   // of that pose
-  bool foresees = false;             // its loops were closed: these tell how µ goes on
+  VectorX A;                        // of those rows at q
+  RowMatrixX W;                     // m x r in whole fours of columns: ∂µ/∂z
+  LoopFactor factor;                // of A B at some pose before
+  VectorX q_bar_before, mu_before;  // of that pose
+  bool foresees = false;            // its loops were closed: these tell how µ goes on
 
   /// Corrections start from where those of `other`, at a pose near by, ended; nothing else is taken. No
   /// allocation.

@@ -17,10 +17,10 @@ struct DeadLoad {
 struct StaticsOptions {
   Vector3 gravity_R = Vector3::Zero();  // m/s²
   VectorX controls;                     // empty: all zero
-  std::vector<int> locked;  // joint coordinates that stay at the start (compliance.hpp, CoordinatesToLock)
-  int load_steps = 8;       // the first step along the path raises the load by one part in these
-  int max_iterations = 60;  // Newton steps per step along the path
-  double tolerance = 1e-11;             // of the residual, relative to the largest force in it
+  std::vector<int> locked;   // joint coordinates that stay at the start (compliance.hpp, CoordinatesToLock)
+  int load_steps = 8;        // the first step along the path raises the load by one part in these
+  int max_iterations = 60;   // Newton steps per step along the path
+  double tolerance = 1e-11;  // of the residual, relative to the largest force in it
 };
 
 /// K_t = ∂²/∂q² (potential energy − λᵀc) on the motions that keep loops closed: the stiffness of springs and
@@ -50,7 +50,7 @@ struct StaticsResult {
   /// order. Empty: q is on the primary branch, reached as the load grows.
   std::vector<double> limit_shares;
   int iterations = 0;
-  double residual = 0;  // relative
+  double residual = 0;       // relative
   TangentStiffness tangent;  // at q, where it converged
 };
 

@@ -26,7 +26,7 @@ namespace fork1s {
 enum class FullIntegrator { kEuler, kTwoStages };
 
 struct FullSimulationOptions {
-  double dt = 0;              // s; 0: the scene's time step
+  double dt = 0;  // s; 0: the scene's time step
   FullIntegrator integrator = FullIntegrator::kEuler;
   // Controls are samples of a trajectory, which moves evenly from those of the last step to those of this
   // one; otherwise they stand throughout the step. No difference for kEuler.
@@ -36,18 +36,18 @@ struct FullSimulationOptions {
   std::vector<std::vector<std::string>> interfaces;
   CollisionOptions collision = {.margin = 0.2};
   FullContactMaterial material;
-  bool contact_curvature = true;        // adds (h/2) J̇ V to the rows of contacts that persist
+  bool contact_curvature = true;  // adds (h/2) J̇ V to the rows of contacts that persist
   FullContactOptions contact;
   double tolerance = 1e-9;  // change of any pose in the last iteration, in lengths of its mechanism
   int max_iterations = 60;  // Newton steps
 };
 
 struct FullStepReport {
-  int iterations = 0;    // Newton steps
-  double residual = 0;   // m, largest change of a pose (turns times the length scale) in the last of them
-  double joint_gap = 0;  // m, largest opening of any joint or loop after the step
-  int contacts = 0;      // that carry force
-  int limits = 0;        // joint limits that act, the most at a time
+  int iterations = 0;        // Newton steps
+  double residual = 0;       // m, largest change of a pose (turns times the length scale) in the last of them
+  double joint_gap = 0;      // m, largest opening of any joint or loop after the step
+  int contacts = 0;          // that carry force
+  int limits = 0;            // joint limits that act, the most at a time
   FullContactReport solver;  // of the last contact solve
   double max_penetration = 0;     // m, at the start of the step
   bool contacts_dropped = false;  // the collision detector ran out of room

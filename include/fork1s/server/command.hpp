@@ -38,9 +38,9 @@ struct Command {
   std::vector<int> bodies;
   Matrix3 compliance = Matrix3::Zero();  // m/N, axes of the root
   double factor = 1;                     // shape: bound on each stiffness over the file's, and its inverse
-  bool tuned = false;      // write: the numbers that were changed
-  bool text_only = false;  // write: no file
-  int moment = -1;         // write: -1 none, 0 the present, else that of a frame
+  bool tuned = false;                    // write: the numbers that were changed
+  bool text_only = false;                // write: no file
+  int moment = -1;                       // write: -1 none, 0 the present, else that of a frame
 };
 
 /// Reads one message of a viewer. Every number is finite and no list longer than 4096. Errors (kFormat) say

@@ -132,8 +132,8 @@ class LiveSimulation {
   std::vector<RigidTransform> base_start_;   // and from which this simulation's base controls do
   ControlTrack table_, played_;  // of Play, and what of it viewers have left to it; names of others are empty
   PushTrack table_pushes_;
-  bool targets_moved_ = false;               // since the last settings told of the table
-  double time_offset_ = 0, carry_ = 0;       // s
+  bool targets_moved_ = false;          // since the last settings told of the table
+  double time_offset_ = 0, carry_ = 0;  // s
   double steps_before_ = 0;
   std::optional<Pull> pull_;
   std::vector<Push> pushes_;

@@ -19,7 +19,7 @@ struct SimulationOptions {
   int initial_keyframe = -1;                  // index in the scene
   StepOptions step;                           // h and gravity are set from dt and the scene
   CollisionOptions collision =
-      World::Options{}.collision;                // margin: how far ahead contacts are looked for, at most
+      World::Options{}.collision;  // margin: how far ahead contacts are looked for, at most
   int reserved_contacts = World::Options{}.reserved_contacts;  // 3 kB each
   DetailLevel detail = DetailLevel::kInterface;  // not kObject: nothing is held before the first step
 };

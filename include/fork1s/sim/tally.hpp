@@ -19,8 +19,8 @@ struct ContactLoad {
   // Sums of magnitudes over the contacts and the stages of the step, each in the frame that the contact has
   // there [N].
   double normal = 0;
-  double tangential = 0;               // of contacts with friction
-  double friction_limit = 0;           // N, sum of µ f_n
+  double tangential = 0;      // of contacts with friction
+  double friction_limit = 0;  // N, sum of µ f_n
 
   /// |f_t| / (µ f_n), the mean of the contacts weighted by µ f_n; 1: all of them slide. 0 without friction.
   double FrictionUse() const { return friction_limit > 0 ? tangential / friction_limit : 0; }
@@ -37,10 +37,10 @@ struct PairLoad {
   double touched_s = 0;                        // s in which a contact bore force
   double touched_first = 0, touched_last = 0;  // s: ends of the first and the last step with contact force
   double use_max = 0, use_max_s = 0;           // largest FrictionUse of a step, and when
-  double slip = 0;         // m: way of the contact that slid fastest, while friction gave all it can
-  double slip_s = 0;       // s in which one slid
-  double slip_first = -1;  // s; -1: never
-  double slip_last = -1;   // s; -1: never
+  double slip = 0;           // m: way of the contact that slid fastest, while friction gave all it can
+  double slip_s = 0;         // s in which one slid
+  double slip_first = -1;    // s; -1: never
+  double slip_last = -1;     // s; -1: never
   double friction_loss = 0;  // J that what slid and turned took out of the motion
 };
 
@@ -54,7 +54,8 @@ struct EndReached {
 
 /// A joint or tendon that was beyond its stop by more than kShareBeyond of its range, whatever holds it.
 struct StopPassed {
-  static constexpr double kShareBeyond = 0.01;  // of the range; of a radian or the mechanism's length with one stop
+  static constexpr double kShareBeyond =
+      0.01;  // of the range; of a radian or the mechanism's length with one stop
 
   std::string name;    // "joint 'elbow'"
   bool turns = false;  // whether `beyond` is in rad, else m

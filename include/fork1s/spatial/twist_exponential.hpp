@@ -41,7 +41,8 @@ class TwistExponential {
   /// X <- Exp(x)
   void SetTransform(RigidTransform& X) const {
     double* to = X.data();
-    for (int i = 0; i < 3; ++i, to += 3) QuadAt(to) = R_[i];  // the fourth number is written over by the next column
+    for (int i = 0; i < 3; ++i, to += 3)
+      QuadAt(to) = R_[i];  // the fourth number is written over by the next column
     X.translation() = p_.head<3>();
   }
   /// Dexp(x) s = [angular; linear], the fourth number of each 0.

@@ -1,10 +1,10 @@
 // A free rigid body.
 #pragma once
 
+#include <fork1s/mechanism/scene.hpp>
 #include <fork1s/stepping/applied_forces.hpp>
 #include <fork1s/stepping/point_spring.hpp>
 #include <fork1s/stepping/stage_motion.hpp>
-#include <fork1s/mechanism/scene.hpp>
 #include <string>
 
 namespace fork1s {

@@ -1,10 +1,10 @@
 // What a step of a mechanism reads and only a refresh changes.
 #pragma once
 
-#include <fork1s/stepping/mechanism_options.hpp>
 #include <fork1s/linalg/row_squares.hpp>
 #include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
+#include <fork1s/stepping/mechanism_options.hpp>
 #include <memory>
 #include <string>
 #include <vector>
@@ -40,7 +40,7 @@ struct MechanismModel {
   // Limits in force: those of the mechanism, widened to the initial pose where that was outside.
   std::vector<Mechanism::LengthLimit> length_limits;
   std::vector<std::string> warnings;
-  int base_size = 0;  // 6 where the base floats
+  int base_size = 0;     // 6 where the base floats
   bool expands = false;  // steps by expansions (Recovery::kExpanded), where nothing forbids it
 
   std::shared_ptr<const ReducedModel> reduced;
@@ -60,8 +60,9 @@ struct MechanismModel {
   std::vector<WeightedRows> joint_springs;   // without those of servos with bounds
   MatrixX joint_damping_ref;                 // r x r, lower triangle, with loops: what those are in D
   std::vector<int> damped_rotations;         // of rotations(); their dampers are not among `dampers`
-  std::vector<WeightedRows> rotation_dampers;  // three rows a damped rotation, E Q_θ, by the columns that move them
-  MatrixX rotation_damping_ref;              // r x r, lower triangle: what those are in D
+  std::vector<WeightedRows>
+      rotation_dampers;           // three rows a damped rotation, E Q_θ, by the columns that move them
+  MatrixX rotation_damping_ref;   // r x r, lower triangle: what those are in D
   MatrixX closure_damping;        // r x r, lower triangle: of springy closures in D; empty for none
   bool has_bent_springs = false;  // of paths, or not linear
 };

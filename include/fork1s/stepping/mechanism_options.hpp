@@ -12,7 +12,7 @@ struct MechanismOptions {
   Recovery recovery = Recovery::kExact;
   double refresh_angle = 0.2617993877991494;  // rad (15 degrees); slides: this share of the length scale
   double refresh_gap = 2e-4;                  // m: of loops, by curved recovery
-  Vector3 gravity_W = Vector3::Zero();  // m/s², of load columns
+  Vector3 gravity_W = Vector3::Zero();        // m/s², of load columns
 };
 
 /// A rigid group of bodies that may touch something: an interface body with all that is welded to it, or the

@@ -1,10 +1,10 @@
 // What a step of a mechanism reads and changes, as plain values.
 #pragma once
 
-#include <fork1s/stepping/applied_forces.hpp>
-#include <fork1s/stepping/point_spring.hpp>
 #include <fork1s/mechanism/base_path.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
+#include <fork1s/stepping/applied_forces.hpp>
+#include <fork1s/stepping/point_spring.hpp>
 #include <limits>
 #include <memory>
 #include <vector>
@@ -21,16 +21,17 @@ struct MechanismState {
   std::shared_ptr<const ReducedModel> model;  // about the present reference
   ReducedState reduced;
   VectorX expanded_at;  // r: z of the expansion that the next step begins with; empty: none
-  VectorX mu;  // m: how far loops are closed along B at this pose, where the next correction starts
+  VectorX mu;           // m: how far loops are closed along B at this pose, where the next correction starts
 
-  VectorX controls;            // hold until changed
+  VectorX controls;       // hold until changed
   VectorX controls_from;  // at the end of the last step, or where they start in a step within which they move
   bool controls_move = false;  // of the next step only
   RigidTransform driven_next;  // pose of a driven base at the end of the next step
   bool knows_driven_rate = false;
-  Vector6 driven_rate = Vector6::Zero();  // its rate there, world axes, where that is known; of the next step only
+  Vector6 driven_rate =
+      Vector6::Zero();  // its rate there, world axes, where that is known; of the next step only
   BaseHistory base_history;
-  std::vector<AppliedForces> loads;       // per body, about its origin; of the next step only
+  std::vector<AppliedForces> loads;  // per body, about its origin; of the next step only
   bool has_loads = false;
   PointSpring point_spring;  // holds until changed
   BodyIndex point_spring_body;

@@ -84,7 +84,7 @@ BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, doub
 /// Which bound it is at, if any, by the impulse that was found and that of its rate without bounds. Solve the
 /// stage again thereafter.
 void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
-                            double h);
+                           double h);
 /// Servos and motors that give all they can.
 int NumForcesAtBound(const MechanismState& state);
 

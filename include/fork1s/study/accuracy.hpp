@@ -143,9 +143,9 @@ Expected<std::vector<TransientCase>> MakeTransientCases(const std::string& folde
 struct TransientCurve {
   struct Point {
     double dt_s = 0;
-    double reduced_percent = 0;  // reduced against the truth
-    double full_percent = 0;     // full at the same step against the truth
-    double between_percent = 0;  // reduced against full at the same step
+    double reduced_percent = 0;    // reduced against the truth
+    double full_percent = 0;       // full at the same step against the truth
+    double between_percent = 0;    // reduced against full at the same step
     double two_stage_percent = 0;  // reduced by Integrator::kTwoStage against the truth
   };
   std::string name;

@@ -56,8 +56,9 @@ struct PeerInstructions {
 
 struct BenchScene {
   std::string name;
-  Integrator integrator = Integrator::kEuler;  // of "fork1s": what the scene chooses; beside it by the other rule
-  std::vector<PeerRow> rows;                   // fork1s at dt first; as of MeasurePeers
+  Integrator integrator =
+      Integrator::kEuler;     // of "fork1s": what the scene chooses; beside it by the other rule
+  std::vector<PeerRow> rows;  // fork1s at dt first; as of MeasurePeers
   std::vector<PeerInstructions> instructions;
   std::vector<PhaseCost> phases;
   std::string why_no_instructions;  // a sentence, where they were asked for
@@ -88,8 +89,8 @@ struct RecoveryCost {
 /// What this machine does at most, measured.
 struct Ceilings {
   double gigabytes_per_s =
-      0;  // a triad a = b + s c over as many bytes, or reading them, whichever is the more
-  double gigaflops = 0;        // fused products and sums in registers, two operations each
+      0;                 // a triad a = b + s c over as many bytes, or reading them, whichever is the more
+  double gigaflops = 0;  // fused products and sums in registers, two operations each
 };
 Ceilings MeasureCeilings(double bytes, int threads, bool single_precision = false);
 

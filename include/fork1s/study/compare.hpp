@@ -35,10 +35,10 @@ struct CompareOptions {
   /// Of the full run; by default of the order of the reduced one's.
   std::optional<FullIntegrator> full_integrator;
   ControlTrack controls;
-  PushTrack pushes;                      // in every run
-  FidelityTrack detail;                  // of the reduced run
-  int refinements = 2;                   // further runs at dt/2, dt/4, ...
-  std::string model_path;                // the MJCF file, for kMuJoCo
+  PushTrack pushes;        // in every run
+  FidelityTrack detail;    // of the reduced run
+  int refinements = 2;     // further runs at dt/2, dt/4, ...
+  std::string model_path;  // the MJCF file, for kMuJoCo
   MuJoCoIntegrator mujoco_integrator = MuJoCoIntegrator::kOfFile;
   std::function<void(double)> progress;  // called with the share done, in [0, 1]
 };
@@ -82,7 +82,7 @@ struct ComparedTrace {
 };
 
 struct Comparison {
-  std::string scene, other;  // "full" or "mujoco"
+  std::string scene, other;                       // "full" or "mujoco"
   Integrator integrator = Integrator::kEuler;     // of the reduced run
   std::optional<FullIntegrator> full_integrator;  // of the full run; none where the other is MuJoCo
   double dt_s = 0, other_dt_s = 0, time_s = 0;

@@ -28,15 +28,15 @@ struct LoadedBody {
   Deflection linear, nonlinear;
   bool floats = false;  // the base would move, and is held here
   int iterations = 0;
-  double residual = 0;  // relative to the forces
-  bool stable = true;   // false: a slight push makes the mechanism leave this equilibrium
-  double lowest_stiffness = 0;       // N·m, lowest eigenvalue of the tangent stiffness (TangentStiffness)
-  std::vector<double> limit_shares;  // of all loads, at the limit points passed on the way (StaticsResult)
-  InterfaceCompliance compliance;    // of the loaded point about the equilibrium (TangentCompliance)
-  MatrixX stiffness;                 // its inverse, 6 x 6; empty where it has none
-  std::vector<BucklingMode> buckling;    // as asked for
+  double residual = 0;                 // relative to the forces
+  bool stable = true;                  // false: a slight push makes the mechanism leave this equilibrium
+  double lowest_stiffness = 0;         // N·m, lowest eigenvalue of the tangent stiffness (TangentStiffness)
+  std::vector<double> limit_shares;    // of all loads, at the limit points passed on the way (StaticsResult)
+  InterfaceCompliance compliance;      // of the loaded point about the equilibrium (TangentCompliance)
+  MatrixX stiffness;                   // its inverse, 6 x 6; empty where it has none
+  std::vector<BucklingMode> buckling;  // as asked for
   std::vector<std::string> coordinates;  // names of the joint coordinates of buckling modes
-  std::vector<std::string> locked;  // joint coordinates that were held where they were
+  std::vector<std::string> locked;       // joint coordinates that were held where they were
   /// Sentences on joints that the load bends beyond their stops, which statics does not know.
   std::vector<std::string> beyond_stops;
 };

@@ -59,7 +59,7 @@ struct PeerRow {
   double rms_mm = 0, max_mm = 0;
   double error_percent = std::numeric_limits<double>::quiet_NaN();  // rms_mm over what the truth moves, RMS;
                                                                     // none where that is below 1 um
-  double step_us = 0;     // median over all steps of all rounds
+  double step_us = 0;                                               // median over all steps of all rounds
   double p99_us = 0, worst_us = 0;  // over steps, of each step's median over the rounds: what interrupts one
                                     // round does not count, what a step always costs does
   int refreshes = 0;                // fork1s: steps in which a mechanism was reduced anew, and their median

@@ -23,13 +23,13 @@ struct SceneRow {
   std::string scene;
   std::string simulator;  // "reduced", "full", "mujoco" with the file's integrator, "mujoco_discrete"
   int interface_bodies = 0;
-  int bodies = 0;                    // of the scene that may move, the free ones and a driven base included
-  int coordinates = 0;               // velocities that a step solves for, constraints not taken off
-  double time_s = 0;                 // simulated: the control table's length, at most the limit
-  double dt_s = 0;                   // of the run that was timed: the largest stable step, at most 1/60 s
-  double step_us = 0;                // median over that run
-  double real_time_factor = 0;       // simulated over spent in steps, at dt_s
-  double largest_stable_dt_s = 0;    // of 1/60 s and its halves; 0: none was
+  int bodies = 0;                  // of the scene that may move, the free ones and a driven base included
+  int coordinates = 0;             // velocities that a step solves for, constraints not taken off
+  double time_s = 0;               // simulated: the control table's length, at most the limit
+  double dt_s = 0;                 // of the run that was timed: the largest stable step, at most 1/60 s
+  double step_us = 0;              // median over that run
+  double real_time_factor = 0;     // simulated over spent in steps, at dt_s
+  double largest_stable_dt_s = 0;  // of 1/60 s and its halves; 0: none was
   // Reduced only: stable at 1/60 s with 100 times the stiffness, held against the full run of that stiffness;
   // none where that one does not survive.
   std::optional<bool> stable_stiff;

@@ -5,11 +5,11 @@
 #include <fork1s/collision/collision_world.hpp>
 #include <fork1s/constraints/contact_solver.hpp>
 #include <fork1s/constraints/material.hpp>
-#include <fork1s/stepping/free_body.hpp>
-#include <fork1s/stepping/linearization_drift.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/recovery/recovery.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
+#include <fork1s/stepping/free_body.hpp>
+#include <fork1s/stepping/linearization_drift.hpp>
 #include <fork1s/world/world_state.hpp>
 #include <memory>
 #include <optional>
@@ -51,7 +51,7 @@ inline constexpr const char* kThetaIsGone =
     "place";
 
 struct StepOptions {
-  double h = 1.0 / 60;                     // s
+  double h = 1.0 / 60;  // s
   Integrator integrator = Integrator::kTwoStage;
   // Inputs are samples of a trajectory, which moves evenly from those of the last step to those of this one.
   // Otherwise they stand throughout the step, as a controller's output does. No difference for kEuler, which
@@ -59,7 +59,7 @@ struct StepOptions {
   bool controls_move = false;
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
   ContactMaterial material;
-  bool refresh = true;                     // move the reference when the pose has left it
+  bool refresh = true;  // move the reference when the pose has left it
   ContactSolverOptions contact;
 };
 
@@ -104,9 +104,9 @@ struct StepReport {
   HalvingCause halving = HalvingCause::kNone;  // of the whole step
   StepSubject halving_of;                      // what caused it
   bool impact = false;                         // kTwoStage: something was met at speed within the step
-  int parts = 1;                  // shorter steps that made this one, of one stage each or of two
-  double loop_residual = 0;       // rad or m by which the rows of any loop are open, of the mechanism's own
-  bool finite = true;             // false: the step was undone and the state is that before it
+  int parts = 1;             // shorter steps that made this one, of one stage each or of two
+  double loop_residual = 0;  // rad or m by which the rows of any loop are open, of the mechanism's own
+  bool finite = true;        // false: the step was undone and the state is that before it
 };
 
 /// What a collision body stands for.
@@ -126,7 +126,7 @@ class World {
     double refresh_angle = 0.2617993877991494;  // rad
     // Contacts are looked for as far ahead as a step may carry anything, at most `margin`: 12 m/s at 1/60 s.
     CollisionOptions collision = {.margin = 0.2};
-    int initial_keyframe = -1;  // of the scene
+    int initial_keyframe = -1;    // of the scene
     int reserved_contacts = 256;  // contact points that a step handles without allocating; more allocate once
   };
 

@@ -17,7 +17,7 @@ struct ContactRecord {
   // Sums over the stages of the step, each in the contact frame of its own pose [N·s]. `impulse`, their
   // vector sum, leaves the friction cone where that frame turns between them.
   double normal_sum = 0, tangential_sum = 0;
-  double friction = 0;  // of the step as solved; that of `point` is of the shapes
+  double friction = 0;               // of the step as solved; that of `point` is of the shapes
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
   double use = 0;                    // of the cone, above 1 where it slides
   // At the end of the step, from which the tangential springs of the next one start; `impulse` is the whole step's.
@@ -38,7 +38,7 @@ struct WorldState {
   std::vector<RigidTransform> contactor_poses;
   std::array<double, 2> contraction = {1,
                                        1};  // of Newton's iteration in first and second stages; 1: not known
-  struct Rows {  // per mechanism
+  struct Rows {                             // per mechanism
     std::vector<double> limit_impulses, friction_impulses;
     bool refreshed = false;  // at the end of the last step
   };

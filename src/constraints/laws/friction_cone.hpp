@@ -25,9 +25,9 @@ struct FrictionCone {
   using Impulse = Vector3;
   using Jacobian = Matrix3;
 
-  double R_n = 0, R_t = 0;  // m/s per N·s
-  double coefficient = 0;   // µ
-  double share = 1;         // of µ that counts
+  double R_n = 0, R_t = 0;    // m/s per N·s
+  double coefficient = 0;     // µ
+  double share = 1;           // of µ that counts
   double frozen_normal = -1;  // N·s: impulse that the bound is taken from; below 0: Π_n(y)
 
   /// y, and the friction bound s at it.
@@ -43,7 +43,9 @@ struct FrictionCone {
   };
 
   /// The normal impulse that bounds follow.
-  double BoundingNormal(double normal) const { return frozen_normal >= 0 ? frozen_normal : std::max(normal, 0.0); }
+  double BoundingNormal(double normal) const {
+    return frozen_normal >= 0 ? frozen_normal : std::max(normal, 0.0);
+  }
   bool IsFrozen() const { return frozen_normal >= 0; }
   /// s [N·s]
   double Bound(double normal) const { return share * coefficient * normal; }
@@ -82,7 +84,8 @@ struct FrictionCone {
       return;
     }
     const Vector2 e = y.tangent / y.size;
-    const double beta = std::min(1.0, y.bound / y.size), kappa = beta * y.rho_t / (1 - beta * (1 - y.rho_t * R_t));
+    const double beta = std::min(1.0, y.bound / y.size),
+                 kappa = beta * y.rho_t / (1 - beta * (1 - y.rho_t * R_t));
     if (!IsFrozen()) D.block<2, 1>(1, 0) = share * coefficient / R_n * e;
     D.bottomRightCorner<2, 2>() = kappa * (Eigen::Matrix2d::Identity() - e * e.transpose());
   }
@@ -115,7 +118,9 @@ struct FrictionCone {
     Derivative(At(y[0], y.tail<2>(), 1 / R_t), D);
     return D * Vector3(R_n, R_t, R_t).asDiagonal();
   }
-  Vector3 Violation(const Vector3& impulse, const Vector3& w) const { return impulse - Project(AtVelocity(w)); }
+  Vector3 Violation(const Vector3& impulse, const Vector3& w) const {
+    return impulse - Project(AtVelocity(w));
+  }
   /// With the bound s fixed.
   double Energy(const Vector3& y) const {
     const Trial trial = At(y[0], y.tail<2>(), 1 / R_t);

@@ -96,8 +96,8 @@ void AddSpringDampers(const MechanismStep& here, double b, const VectorX& q_dot,
   }
 }
 
-void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q, double weight,
-                        RowMatrixX& rows, Eigen::Ref<MatrixX> D) {
+void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q,
+                        double weight, RowMatrixX& rows, Eigen::Ref<MatrixX> D) {
   const Mechanism& m = model.mechanism();
   rows.resize(3 * static_cast<Eigen::Index>(model.damped_rotations.size()), Q.cols());
   Eigen::Index row = 0;
@@ -105,7 +105,8 @@ void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematic
     const Mechanism::Rotation& rotation = m.rotations()[static_cast<std::size_t>(k)];
     const Matrix3 E = AngularVelocityMap(m, kinematics, rotation);
     const auto& [a, b, c] = rotation.coordinates;
-    for (int i = 0; i < 3; ++i) rows.row(row++) = E(i, 0) * Q.row(a) + E(i, 1) * Q.row(b) + E(i, 2) * Q.row(c);
+    for (int i = 0; i < 3; ++i)
+      rows.row(row++) = E(i, 0) * Q.row(a) + E(i, 1) * Q.row(b) + E(i, 2) * Q.row(c);
   }
   for (const WeightedRows& group : model.rotation_dampers) AddRowSquares(rows, group, weight, D);
 }

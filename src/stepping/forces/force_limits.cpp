@@ -176,7 +176,7 @@ BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, doub
 }
 
 void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
-                            double h) {
+                           double h) {
   const auto& [model, state, ws] = here;
   if (k >= state.at_bound.size()) {
     // Of the two ends, told one after the other, at most one pushes. Within its range a spring has an impulse

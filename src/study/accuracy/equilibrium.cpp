@@ -9,11 +9,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/statics.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <numbers>
 #include <utility>
 

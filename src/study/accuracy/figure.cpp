@@ -176,10 +176,9 @@ std::string DrawFigure(const Figure& figure) {
       "fill=\"#4a5160\">{}</text>\n",
       kHeadHeight + 0.5 * rows * kPanelHeight, EscapeHtml(figure.y_label));
   for (int i = 0; i < panels; ++i)
-    svg +=
-        PanelDrawer(figure, kMargin + 14 + (i % columns) * kPanelWidth,
-                    kHeadHeight + (i / columns) * kPanelHeight)
-            .Draw(figure.panels[static_cast<std::size_t>(i)]);
+    svg += PanelDrawer(figure, kMargin + 14 + (i % columns) * kPanelWidth,
+                       kHeadHeight + (i / columns) * kPanelHeight)
+               .Draw(figure.panels[static_cast<std::size_t>(i)]);
   return svg + "</svg>\n";
 }
 

@@ -191,9 +191,8 @@ Expected<void> WriteAccuracyTables(const AccuracyResults& results, const std::st
   for (const FrequencyCurve& c : results.frequencies)
     for (const auto& p : c.points)
       for (std::size_t i = 0; i < p.percent.size(); ++i)
-        frequencies += fmt::format("{},{},{},{},{},{:.6g},{}\n", c.name,
-                                   Name(c.choice), p.modes,
-                                   p.size, i + 1, c.full_hz[i], Number(p.percent[i]));
+        frequencies += fmt::format("{},{},{},{},{},{:.6g},{}\n", c.name, Name(c.choice), p.modes, p.size,
+                                   i + 1, c.full_hz[i], Number(p.percent[i]));
   std::string transients =
       "scene,steps_per_second,motion_mm,reduced_percent,full_percent,reduced_against_full_percent,"
       "truth_percent,two_stage_percent\n";

@@ -37,7 +37,8 @@ Ceilings MeasureCeilings(double bytes, int threads, bool single_precision) {
   Ceilings out;
   constexpr int kRounds = 100000, kTries = 25;
   const auto count = static_cast<std::size_t>(std::max(1.0, bytes / (3 * sizeof(Four))));
-  std::vector<FourDoubles> a(count), b(count, {Four{1, 2, 3, 4}}), c(count, {Four{5, 6, 7, 8}}), all(3 * count);
+  std::vector<FourDoubles> a(count), b(count, {Four{1, 2, 3, 4}}), c(count, {Four{5, 6, 7, 8}}),
+      all(3 * count);
   std::vector<double> kept(static_cast<std::size_t>(threads)), operations(kept.size());
   const int repeats = static_cast<int>(std::max(1.0, 1e7 / bytes));
   const Four s{0.5, 0.5, 0.5, 0.5};

@@ -4,10 +4,10 @@
 
 #include <chrono>
 #include <fork1s/base/percentile.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/recovery/recover.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/bench.hpp>
 
 #include <fmt/format.h>

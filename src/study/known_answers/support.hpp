@@ -1,10 +1,10 @@
 // What the cases share: building scenes, running either simulator, writing rows.
 #pragma once
 
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/known_answers.hpp>
 #include <optional>
 #include <stdexcept>

@@ -182,8 +182,8 @@ Expected<std::vector<RigidTransform>> MuJoCoModel::Rest(const RestLoad& load,
         K.col(i).head(n) = (force() - ahead) / (2 * kForceDifference);
       }
       // Rows that repeat others share their reactions.
-      const VectorX x = rows == 0 ? VectorX(SolveSquare(K, right))
-                                  : VectorX(LeastNormSolve(K, right, kRepeated));
+      const VectorX x =
+          rows == 0 ? VectorX(SolveSquare(K, right)) : VectorX(LeastNormSolve(K, right, kRepeated));
       move(x.head(n));
       std::copy(data->qpos, data->qpos + m->nq, qpos.begin());
       lambda += x.tail(rows);
