@@ -3,20 +3,16 @@
 namespace fork1s::internal {
 namespace {
 
-// Half of it and half of its transpose in the last two indices.
-MatrixX SymmetricPart(const MatrixX& stack, int rows) {
-  MatrixX out(stack.rows(), stack.cols());
+// Of the last two indices: half of it and half of its transpose.
+MatrixX SymmetricPart(MatrixX stack) {
   const auto r = stack.cols();
+  const auto at = [&](Eigen::Index k, Eigen::Index i) { return Eigen::Map<Vector6>(&stack(6 * k, i)); };
   for (Eigen::Index i = 0; i < r; ++i)
-    for (Eigen::Index k = 0; k < r; ++k)
-      out.block(rows * k, i, rows, 1) =
-          0.5 * (stack.block(rows * k, i, rows, 1) + stack.block(rows * i, k, rows, 1));
-  return out;
-}
-
-Matrix6X TwistOf(const Mechanism& m, const Expansion& expansion, BodyIndex body) {
-  const int joint = m.body(body).last_joint;
-  return joint < 0 ? Matrix6X::Zero(6, expansion.z.size()) : TwistsBehind(m, expansion, JointIndex(joint));
+    for (Eigen::Index k = 0; k < i; ++k) {
+      at(k, i) = 0.5 * (at(k, i) + at(i, k));
+      at(i, k) = at(k, i);
+    }
+  return stack;
 }
 
 double SecondDerivativeOf(const Mechanism::Coupling& coupling, double x) {
@@ -41,7 +37,8 @@ MatrixX ErrorCurvature(const ClosureDef& closure, const ReducedModel& model, con
   const int r = model.size();
   const RigidTransform X_aJ = kinematics.X_RB[closure.body_a.u()] * closure.X_AJ, X_Ja = X_aJ.inverse();
   const RigidTransform X_E = X_Ja * kinematics.X_RB[closure.body_b.u()] * closure.X_BJ;
-  const Matrix6X T_a = TwistOf(m, expansion, closure.body_a), T_b = TwistOf(m, expansion, closure.body_b);
+  const Matrix6X T_a = TwistsBehind(m, expansion, m.body(closure.body_a).last_joint),
+                 T_b = TwistsBehind(m, expansion, m.body(closure.body_b).last_joint);
   MatrixX beta =
       OpenCurvature(model, expansion, closure.body_b) - OpenCurvature(model, expansion, closure.body_a);
   const Matrix6 to_a = Adjoint(X_Ja);
@@ -61,49 +58,27 @@ MatrixX ErrorCurvature(const ClosureDef& closure, const ReducedModel& model, con
       out.block<3, 1>(6 * k + 3, i) = bend.tail<3>() + turn.cross(p) + w_i.cross(v_k + w_k.cross(p));
     }
   }
-  return SymmetricPart(out, 6);
+  return SymmetricPart(std::move(out));
 }
 
 }  // namespace
 
-Matrix6X TwistsBehind(const Mechanism& mechanism, const Expansion& expansion, JointIndex joint) {
-  const Mechanism::Joint& last = mechanism.joint(joint);
-  const auto r = expansion.z.size();
-  return expansion.T.middleCols((last.offset + last.size - 1) * r, r);
-}
-
-Matrix6X TwistsBefore(const Mechanism& mechanism, const Expansion& expansion, int coordinate) {
-  const auto r = expansion.z.size();
-  const Mechanism::Joint& joint = mechanism.joint(mechanism.CoordinateJoint(coordinate));
-  if (coordinate > joint.offset) return expansion.T.middleCols((coordinate - 1) * r, r);
-  if (joint.previous < 0) return Matrix6X::Zero(6, r);
-  return TwistsBehind(mechanism, expansion, JointIndex(joint.previous));
-}
-
 MatrixX OpenCurvature(const ReducedModel& model, const Expansion& expansion, BodyIndex body) {
   const Mechanism& m = *model.mechanism;
   const int r = model.size();
-  MatrixX out = MatrixX::Zero(6 * r, r);
-  std::vector<char> carries(static_cast<std::size_t>(m.num_joints()), 0);
+  std::vector<int> path;
   for (int j = m.body(body).last_joint; j >= 0; j = m.joint(JointIndex(j)).previous) {
-    carries[static_cast<std::size_t>(j)] = 1;
     const Mechanism::Joint& joint = m.joint(JointIndex(j));
-    for (int l = joint.offset; l < joint.offset + joint.size; ++l) {
-      const Matrix6X c = SmallAdjoint(expansion.S.col(l)) * -TwistsBefore(m, expansion, l);
-      out.noalias() += Eigen::Map<const VectorX>(c.data(), 6 * r) * expansion.Q.row(l);
-    }
+    for (int l = joint.offset; l < joint.offset + joint.size; ++l) path.push_back(l);
   }
-  out = SymmetricPart(out, 6);
-  for (const JointCurvature& joint : expansion.joints) {
-    if (!carries[m.CoordinateJoint(joint.a).u()]) continue;
-    const auto add = [&](int a, int b) {
-      const Matrix6X rows = joint.second * expansion.Q.row(a);
-      out.noalias() += Eigen::Map<const VectorX>(rows.data(), 6 * r) * expansion.Q.row(b);
-    };
-    add(joint.a, joint.b);
-    if (joint.a != joint.b) add(joint.b, joint.a);
+  const auto count = static_cast<Eigen::Index>(path.size());
+  MatrixX C(6 * r, count), Q(count, r);
+  for (Eigen::Index at = 0; at < count; ++at) {
+    const int l = path[static_cast<std::size_t>(at)];
+    C.col(at) = Eigen::Map<const VectorX>(&expansion.C(0, l * r), 6 * r);
+    Q.row(at) = expansion.Q.row(l);
   }
-  return out;
+  return SymmetricPart(C * Q);
 }
 
 MatrixX ClosureCurvature(const ReducedModel& model, const Kinematics& kinematics, const VectorX& q,

@@ -17,8 +17,22 @@ MatrixX SpringyClosureSlope(const ReducedModel& model, const Kinematics& kinemat
 /// A of a body without loops' q'' (6r x r), as BodyExpansion has it.
 MatrixX OpenCurvature(const ReducedModel& model, const Expansion& expansion, BodyIndex body);
 
-/// Twists (6 x r) of what stands before a coordinate, and of what a joint carries.
-Matrix6X TwistsBefore(const Mechanism& mechanism, const Expansion& expansion, int coordinate);
-Matrix6X TwistsBehind(const Mechanism& mechanism, const Expansion& expansion, JointIndex joint);
+/// Twists (6 x r) of what a joint carries, of what stands on R where it is negative.
+inline auto TwistsBehind(const Mechanism& mechanism, const Expansion& expansion, int joint) {
+  const auto r = expansion.z.size();
+  int block = 0;
+  if (joint >= 0) {
+    const Mechanism::Joint& last = mechanism.joint(JointIndex(joint));
+    block = last.offset + last.size;
+  }
+  return expansion.T.middleCols(block * r, r);
+}
+/// Of what stands before a coordinate.
+inline auto TwistsBefore(const Mechanism& mechanism, const Expansion& expansion, int coordinate) {
+  const auto r = expansion.z.size();
+  const Mechanism::Joint& joint = mechanism.joint(mechanism.CoordinateJoint(coordinate));
+  if (coordinate > joint.offset) return expansion.T.middleCols(coordinate * r, r);
+  return TwistsBehind(mechanism, expansion, joint.previous);
+}
 
 }  // namespace fork1s::internal

@@ -25,11 +25,12 @@ struct Carried {
   }
 };
 
-// Columns x*(f) of forces: t -> t x* f.
-Vector6 CrossForce(const Vector6& t, const Vector6& f) {
-  const Vector3 w = t.head<3>(), v = t.tail<3>();
-  Vector6 out;
-  out << w.cross(f.head<3>()) + v.cross(f.tail<3>()), w.cross(f.tail<3>());
+// Row t of twists -> row (t x* f).
+Matrix6 CrossForceMap(const Vector6& f) {
+  Matrix6 out = Matrix6::Zero();
+  out.topLeftCorner<3, 3>() = Skew(f.head<3>());
+  out.bottomLeftCorner<3, 3>() = Skew(f.tail<3>());
+  out.topRightCorner<3, 3>() = Skew(f.tail<3>());
   return out;
 }
 
@@ -44,7 +45,7 @@ class Expander {
         n_(model.num_coordinates()) {}
 
   void Expand() {
-    out_.joints = internal::JointCurvatures(m_, at_.kinematics, at_.q);
+    joints_ = internal::JointCurvatures(m_, at_.kinematics, at_.q);
     TakeTwists();
     CurveLoops();
     TakeCarried();
@@ -55,12 +56,21 @@ class Expander {
   }
 
  private:
-  auto T(int coordinate) { return out_.T.middleCols(coordinate * r_, r_); }
-  Matrix6X Before(int coordinate) const { return internal::TwistsBefore(m_, out_, coordinate); }
+  auto T(int coordinate) { return out_.T.middleCols((coordinate + 1) * r_, r_); }
+  auto Before(int coordinate) const { return internal::TwistsBefore(m_, out_, coordinate); }
 
   void TakeTwists() {
-    out_.T.resize(6, n_ * r_);
-    for (int j = 0; j < n_; ++j) T(j) = Before(j) + out_.S.col(j) * out_.Q.row(j);
+    out_.T.resize(6, (n_ + 1) * r_);
+    out_.T.leftCols(r_).setZero();
+    out_.C.resize(6, n_ * r_);
+    for (int j = 0; j < n_; ++j) {
+      T(j) = Before(j);
+      T(j).noalias() += out_.S.col(j) * out_.Q.row(j);
+      out_.C.middleCols(j * r_, r_).noalias() = -SmallAdjoint(out_.S.col(j)) * Before(j);
+    }
+    for (const internal::JointCurvature& joint : joints_)
+      out_.C.middleCols(joint.b * r_, r_).noalias() +=
+          (joint.a < joint.b ? 2.0 : 1.0) * joint.second * out_.Q.row(joint.a);
   }
 
   void CurveLoops() {
@@ -106,62 +116,55 @@ class Expander {
 
   const Carried& CarriedBy(int coordinate) const { return carried_[m_.CoordinateJoint(coordinate).u()]; }
   VectorX Row(int coordinate) const { return out_.Q.row(coordinate).transpose(); }
-  static MatrixX Symmetric(const VectorX& a, const VectorX& b) {
-    return a * b.transpose() + b * a.transpose();
-  }
 
-  // As G_kji and G_kij of Y.
-  void AddBothWays(const MatrixX& Y_times_Q) {
-    out_.G += Y_times_Q;
+  // G_k(ij) += Y_kj q_i + Y_ki q_j, of Y Q.
+  void AddBothWays(const MatrixX& YQ) {
+    out_.G += YQ;
     for (int i = 0; i < r_; ++i)
-      for (int j = 0; j < r_; ++j) out_.G.col(i).segment(r_ * j, r_) += Y_times_Q.col(j).segment(r_ * i, r_);
-  }
-  // G += weights_k curve_ij
-  auto GByRows() { return Eigen::Map<MatrixX>(out_.G.data(), r_, r_ * r_); }
-  void AddCurved(const VectorX& weights, const MatrixX& curve) {
-    GByRows().noalias() += weights * Eigen::Map<const VectorX>(curve.data(), r_ * r_).transpose();
+      for (int j = 0; j < r_; ++j) out_.G.col(i).segment(r_ * j, r_) += YQ.col(j).segment(r_ * i, r_);
   }
 
   void AddInertia() {
-    MatrixX half = MatrixX::Zero(r_, r_);
     MatrixX X(r_ * r_, n_), Y(r_ * r_, n_);
-    RowMatrixX Z(n_, r_);  // P_k·S_j and the armature, of q''_j
-    out_.G.setZero(r_ * r_, r_);
+    RowMatrixX Z(n_, r_), H(n_, r_);  // P_k·S_j and the armature, of q''_j; M = Hᵀ Q + Qᵀ H
+    // One coordinate: twists before it, c and momenta by columns, over z, so that products run along z.
+    using Columns = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+    Columns before(r_, 6), c(r_, 6), momenta(r_, 6), turned(r_, 6), P(r_, 6), C(r_, 6);
+    MatrixX product(r_, r_), own(r_, r_);
     for (int l = 0; l < n_; ++l) {
       const Carried& carried = CarriedBy(l);
       const Vector6 s = out_.S.col(l), f = carried.I * s;
-      const VectorX q = Row(l);
-      const Matrix6X before = Before(l), P = carried.I * before;
-      Matrix6X c(6, r_), u(6, r_);
-      for (int i = 0; i < r_; ++i) {
-        c.col(i) = Bracket(before.col(i), s);
-        u.col(i) = CrossForce(before.col(i), f);
-      }
-      const VectorX e = c.transpose() * f;
-      const MatrixX cP = c.transpose() * P;
-      Eigen::Map<MatrixX>(X.col(l).data(), r_, r_) = -0.5 * (cP + cP.transpose() + Symmetric(q, e));
-      Eigen::Map<MatrixX>(Y.col(l).data(), r_, r_) =
-          0.5 * (cP + before.transpose() * u + e * q.transpose() + carried.P.transpose() * c);
-      Z.row(l) = s.transpose() * carried.P;
-      half += (before.transpose() * f + 0.5 * s.dot(f) * q) * q.transpose();
+      before = Before(l).transpose();
+      P = carried.P.transpose();
+      C = out_.C.middleCols(l * r_, r_).transpose();
+      c.noalias() = -before.lazyProduct(SmallAdjoint(s).transpose());
+      momenta.noalias() = before.lazyProduct(carried.I);
+      turned.noalias() = before.lazyProduct(CrossForceMap(f));
+      const VectorX e = c * f, q = Row(l);
+      product.noalias() = c.lazyProduct(momenta.transpose());
+      product.noalias() += e.lazyProduct(q.transpose());
+      own.noalias() = before.lazyProduct(turned.transpose());
+      own.noalias() += P.lazyProduct(C.transpose());
+      Eigen::Map<MatrixX>(X.col(l).data(), r_, r_) = -0.5 * (product + product.transpose());
+      Eigen::Map<MatrixX>(Y.col(l).data(), r_, r_) = 0.5 * (product + own);
+      Z.row(l).noalias() = (P * s).transpose();
+      H.row(l).noalias() = (before * f + 0.5 * s.dot(f) * q).transpose();
     }
+    const MatrixX half = H.transpose() * out_.Q;
     out_.M = half + half.transpose();
+    out_.G.setZero(r_ * r_, r_);
     AddBothWays(Y * out_.Q);
-    GByRows().noalias() += out_.Q.transpose() * X.transpose();
-    for (const JointCurvature& joint : out_.joints)
-      AddCurved(CarriedBy(joint.a).P.transpose() * joint.second, PairOf(joint));
+    Eigen::Map<MatrixX>(out_.G.data(), r_, r_ * r_).noalias() += out_.Q.transpose() * X.transpose();
     AddJointVelocities(m_.armature(), out_.M, out_.G, Z);
     AddLoopsCurvature(Z, out_.G);
-  }
-
-  MatrixX PairOf(const JointCurvature& joint) const {
-    return joint.a == joint.b ? MatrixX(Row(joint.a) * Row(joint.a).transpose())
-                              : Symmetric(Row(joint.a), Row(joint.b));
   }
 
   // Of joint velocities ν = E q̇: Jᵀ diag(weights) J, J = ∂ν/∂w, onto M, Jᵀ diag(weights) ∂J/∂z onto G, but
   // for q'', of which Z has the factors.
   void AddJointVelocities(VectorX weights, MatrixX& M, MatrixX& G, RowMatrixX& Z) const {
+    const auto rotations = static_cast<Eigen::Index>(m_.rotations().size());
+    MatrixX turned = MatrixX::Zero(r_ * r_, 3 * rotations), turns = MatrixX::Zero(3 * rotations, r_);
+    Eigen::Index at_turn = 0;
     for (const Mechanism::Rotation& rotation : m_.rotations()) {
       Vector3 own;
       MatrixX Q(3, r_);
@@ -177,16 +180,16 @@ class Expander {
       M.noalias() += (E * Q).transpose() * wJ;
       const MatrixX EwJ = E.transpose() * wJ;
       for (int i = 0; i < 3; ++i) Z.row(rotation.coordinates[static_cast<std::size_t>(i)]) += EwJ.row(i);
-      for (int c = 0; c < 3; ++c) {
-        const MatrixX turned = wJ.transpose() * internal::TurnOfVelocityMap(rotation, at_.q, c) * Q;  // k, j
-        G.noalias() += Eigen::Map<const VectorX>(turned.data(), r_ * r_) * Q.row(c);
+      for (int c = 0; c < 3; ++c, ++at_turn) {
+        Eigen::Map<MatrixX>(turned.col(at_turn).data(), r_, r_).noalias() =
+            wJ.transpose() * (internal::TurnOfVelocityMap(rotation, at_.q, c) * Q);  // k, j
+        turns.row(at_turn) = Q.row(c);
       }
     }
-    for (int l = 0; l < n_; ++l) {
-      if (weights(l) == 0) continue;
-      Z.row(l) += weights(l) * out_.Q.row(l);
-      M.noalias() += weights(l) * Row(l) * Row(l).transpose();
-    }
+    G.noalias() += turned.leftCols(at_turn) * turns.topRows(at_turn);
+    const RowMatrixX weighted = weights.asDiagonal() * out_.Q;
+    Z += weighted;
+    M.noalias() += weighted.transpose() * out_.Q;
   }
 
   // G_k(ij) += Σ_j Z_jk q''_j
@@ -230,31 +233,40 @@ class Expander {
                         internal::SpringyClosureSlope(model_, at_.kinematics, out_);
   }
 
+  // [N m; N] about R's origin.
+  static Vector6 WeightOf(const Carried& carried, const Vector3& g) {
+    Vector6 F;
+    F << carried.weighed_moment.cross(g), carried.weighed_mass * g;
+    return F;
+  }
+
   // Of a unit of gravity along each axis.
   void AddWeight() {
-    out_.weight_force.resize(r_, 3);
     out_.weight_slope.resize(r_ * r_, 3);
-    for (int axis = 0; axis < 3; ++axis) {
-      const Vector3 g = Vector3::Unit(axis);
-      VectorX tau(n_);
-      MatrixX half = MatrixX::Zero(r_, r_), slope = MatrixX::Zero(r_, r_);
-      const auto wrench = [&](const Carried& c) {
-        Vector6 F;
-        F << c.weighed_moment.cross(g), c.weighed_mass * g;
-        return F;
-      };
-      for (int l = 0; l < n_; ++l) {
-        const Carried& carried = CarriedBy(l);
-        const Vector3 w = out_.S.col(l).head<3>();
-        const Vector3 y =
-            (w.cross(carried.weighed_moment) + carried.weighed_mass * out_.S.col(l).tail<3>()).cross(g);
-        tau(l) = out_.S.col(l).dot(wrench(carried));
-        half += (Before(l).topRows<3>().transpose() * y + 0.5 * w.dot(y) * Row(l)) * out_.Q.row(l);
+    RowMatrixX H(n_, 3 * r_);  // F = Hᵀ Q + Qᵀ H, axis by axis
+    MatrixX tau(n_, 3);
+    for (int l = 0; l < n_; ++l) {
+      const Carried& carried = CarriedBy(l);
+      const Vector3 w = out_.S.col(l).head<3>(), v = out_.S.col(l).tail<3>();
+      const Vector3 rate = w.cross(carried.weighed_moment) + carried.weighed_mass * v;
+      const auto before = Before(l);
+      for (int axis = 0; axis < 3; ++axis) {
+        const Vector3 g = Vector3::Unit(axis), y = rate.cross(g);
+        tau(l, axis) = out_.S.col(l).dot(WeightOf(carried, g));
+        H.row(l).segment(axis * r_, r_).noalias() =
+            y.transpose() * before.topRows<3>() + 0.5 * w.dot(y) * out_.Q.row(l);
       }
-      for (const JointCurvature& joint : out_.joints)
-        slope += joint.second.dot(wrench(CarriedBy(joint.a))) * PairOf(joint);
-      slope += half + half.transpose() + SecondDerivative(model_, out_, tau);
-      out_.weight_force.col(axis) = out_.Q.transpose() * tau;
+    }
+    for (const internal::JointCurvature& joint : joints_)
+      for (int axis = 0; axis < 3; ++axis)
+        H.row(joint.b).segment(axis * r_, r_) +=
+            (joint.a < joint.b ? 1.0 : 0.5) *
+            joint.second.dot(WeightOf(CarriedBy(joint.a), Vector3::Unit(axis))) * out_.Q.row(joint.a);
+    const MatrixX half = H.transpose() * out_.Q;
+    out_.weight_force = out_.Q.transpose() * tau;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto own = half.middleRows(axis * r_, r_);
+      const MatrixX slope = own + own.transpose() + SecondDerivative(model_, out_, tau.col(axis));
       out_.weight_slope.col(axis) = Eigen::Map<const VectorX>(slope.data(), r_ * r_);
     }
   }
@@ -264,6 +276,7 @@ class Expander {
   const Configuration& at_;
   Expansion& out_;
   const int r_, n_;
+  std::vector<internal::JointCurvature> joints_;
   std::vector<Carried> carried_;  // per joint
 };
 
@@ -295,8 +308,7 @@ BodyExpansion ExpandBody(const ReducedModel& model, const Expansion& expansion, 
   BodyExpansion out;
   out.body = body;
   out.X_RB = expansion.X_RB[body.u()];
-  out.T.setZero(6, r);
-  if (last >= 0) out.T = internal::TwistsBehind(m, expansion, JointIndex(last));
+  out.T = internal::TwistsBehind(m, expansion, last);
   out.A = internal::OpenCurvature(model, expansion, body);
   if (model.loop_rank() == 0) return out;
   RowMatrixX S = RowMatrixX::Zero(model.num_coordinates(), 6), BS = RowMatrixX::Zero(model.loop_rank(), 8);

@@ -47,8 +47,6 @@ std::string WhatForbidsExpansion(const Mechanism& mechanism) {
   return {};
 }
 
-bool IsExpanded(const MechanismView& here) { return here.work.is_expanded; }
-
 void Expand(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const Configuration at = ConfigureExactly(here);
@@ -62,6 +60,7 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   auto out = std::make_shared<ExpandedMechanism>();
   out->of = model.reduced;
   out->expansion = Expand(*model.reduced, state.expanded_at, at);
+  out->M_inverse = SolveSymmetric(out->expansion.M, MatrixX(MatrixX::Identity(model.size(), model.size())));
   for (const ContactGroup& group : model.groups)
     out->groups.push_back(ExpandBody(*model.reduced, out->expansion, group.body));
   out->coordinates = AskedCoordinates(model.mechanism());
@@ -72,6 +71,7 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   const int r = model.size();
   pose.G.resize(r, r);
   pose.D.resize(r, r);
+  pose.scratch.resize(r, r);
   pose.X_RG.resize(out->groups.size());
   pose.J.assign(out->groups.size(), Matrix6X::Zero(6, r));
   pose.q = out->expansion.q;

@@ -22,6 +22,7 @@ std::string WhatForbidsExpansion(const Mechanism& mechanism);
 struct ExpandedMechanism {
   std::shared_ptr<const ReducedModel> of;
   Expansion expansion;
+  MatrixX M_inverse;                  // r x r
   std::vector<BodyExpansion> groups;  // as MechanismModel::groups
   std::vector<int> coordinates;       // those that controls, stops and dry frictions act on
   std::vector<MatrixX> curvatures;    // r x r each: ∂²q/∂z² of those
@@ -30,7 +31,7 @@ struct ExpandedMechanism {
 /// At the pose at hand.
 struct ExpandedPose {
   VectorX delta;                     // r: z - z*
-  MatrixX G, D;                      // r x r: G(δ), D'(δ)
+  MatrixX G, D, scratch;             // r x r: G(δ), D'(δ)
   std::vector<RigidTransform> X_RG;  // of groups
   std::vector<Matrix6X> J;           // 6 x r: twist of groups in R about R's origin per rate of z
   VectorX q;                         // n, those of `coordinates`; others stay as they are at z*
@@ -38,8 +39,6 @@ struct ExpandedPose {
   VectorX rates;                     // r: scratch
 };
 
-/// Whether the pose at hand is told by an expansion.
-bool IsExpanded(const MechanismView& here);
 /// Expands about the present z, which need not be the pose at hand. Allocates.
 void Expand(const MechanismStep& here);
 /// About the pose of `at`, which closes the loops at the z that the state is expanded at.

@@ -1,14 +1,66 @@
 // When a mechanism is expanded about its pose, and which steps go by that.
 //
-// A step by an expansion visits no joint: inertia to first order, forces to first, interface poses to second
-// (reduction/expansion.hpp). Loads from outside may act anywhere; a step with them goes by exact poses. Both
-// move the same z and w.
+// A step by an expansion visits no joint: inertia and forces to first order, interface poses to second
+// (reduction/expansion.hpp). Loads from outside may act anywhere; a step with them goes by exact poses, and so does one in
+// which joints turn so fast that expansions would come oftener than they pay. Both move the same z and w.
 #include <algorithm>
 #include <cmath>
 
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
+namespace {
+
+// Where a joint has turned so far since the expansion, what is left out is below the error of a step of 1/60 s, in scenes
+// with and without contact (docs/method.md, section 2). Slides: this share of the mechanism's length.
+constexpr double kFar = 0.14;  // rad, 8 degrees
+// An expansion costs as much as some steps by exact poses: where fewer steps go by it, or fewer than twice as many by the
+// next one, it is not made.
+constexpr double kStepsThatPay = 6;
+// A pose beyond that is none: inertia to first order may have lost its sign.
+constexpr double kBeyond = 3;  // times kFar
+// The inertia of the pose at hand differs by this share of that at the expansion, in the kinetic metric.
+constexpr double kInertiaChanged = 0.3;
+
+// Largest |rows δ| by joint, in kFar.
+double FarthestTurn(const MechanismView& here, const RowMatrixX& rows, const VectorX& delta) {
+  const Mechanism& m = here.model.mechanism();
+  double turn = 0, slide = 0;
+  for (int i = 0; i < m.num_coordinates(); ++i) {
+    double& of_kind = m.Turns(i) ? turn : slide;
+    of_kind = std::max(of_kind, std::abs(rows.row(i).dot(delta)));
+  }
+  return std::max(turn, slide / m.length_scale()) / kFar;
+}
+
+// Of L⁻¹ (G + Gᵀ) L⁻ᵀ, M* = L Lᵀ: its Frobenius norm, which bounds what any motion sees.
+double InertiaChange(const MechanismStep& here) {
+  MechanismWorkspace& ws = here.work;
+  ExpandedPose& pose = ws.expanded_pose;
+  pose.D = pose.G + pose.G.transpose();
+  pose.scratch.noalias() = ws.expanded->M_inverse * pose.D;
+  return std::sqrt(std::max(0.0, pose.scratch.cwiseProduct(pose.scratch.transpose()).sum()));
+}
+
+// Another evaluator of the same pose, which keeps the momentum of the coordinates.
+template <class Change>
+void ChangeEvaluator(const MechanismStep& here, const Change& change) {
+  const auto& [model, state, ws] = here;
+  ws.rhs.noalias() = ws.mass.M * ws.x;
+  change();
+  UpdateConfiguration(here);
+  SolveOrFail(ws.mass.factor, ws.mass.M, ws.rhs);
+  ws.x = ws.rhs;
+  state.reduced.w = ws.x;
+}
+
+void ConfigureByJoints(const MechanismStep& here) {
+  here.work.is_expanded = false;
+  here.work.configuration.mu = here.state.mu;
+  here.work.configuration.foresees = false;
+}
+
+}  // namespace
 
 void StartExpansions(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
@@ -33,42 +85,44 @@ void RestoreExpansion(const MechanismStep& here) {
 }
 
 void ChooseEvaluator(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  if (!ws.is_expanded || !HasForcesFromOutside(state)) return;
-  ws.is_expanded = false;
-  ws.configuration.mu = state.mu;
-  ws.configuration.foresees = false;
+  if (!here.work.is_expanded || !HasForcesFromOutside(here.state)) return;
+  ConfigureByJoints(here);
   UpdateConfiguration(here);
 }
 
 void EndWithExpansion(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  if (!model.expands || ws.is_expanded) return;
+  if (ws.is_expanded || state.expanded_at.size() == 0) return;
   ws.is_expanded = true;
   UpdatePose(here);
 }
 
-bool ExpandIfFar(const MechanismStep& here) {
+bool IsWithinExpansion(const MechanismView& here) {
+  const MechanismWorkspace& ws = here.work;
+  return !ws.is_expanded || FarthestTurn(here, ws.expanded->expansion.Q, ws.expanded_pose.delta) < kBeyond;
+}
+
+bool UpdateExpansion(const MechanismStep& here, double h) {
   const auto& [model, state, ws] = here;
-  if (!ws.is_expanded) return false;
-  // Where a joint has turned so far, what the step leaves out is that of its time step.
-  constexpr double kAngle = 0.07;  // rad, 4 degrees; slides: this share of the length scale
-  const Mechanism& m = model.mechanism();
-  const Expansion& expansion = ws.expanded->expansion;
-  double share = 0;
-  for (int i = 0; i < m.num_coordinates(); ++i) {
-    const double moved = std::abs(expansion.Q.row(i).dot(ws.expanded_pose.delta));
-    share = std::max(share, moved / (m.Turns(i) ? kAngle : kAngle * m.length_scale()));
+  if (!model.expands) return false;
+  ws.velocities.w = h * state.reduced.w;
+  const double turn = FarthestTurn(here, ws.Q_now(), ws.velocities.w);
+  if (ws.is_expanded && kStepsThatPay * turn > 1) {
+    ChangeEvaluator(here, [&] { ConfigureByJoints(here); });
+    state.expanded_at.resize(0);
+    state.mu = ws.configuration.mu;
+    return false;
   }
-  if (!(share > 1)) return false;
-  // The momentum of the coordinates is kept.
-  ws.rhs.noalias() = ws.mass.M * ws.x;
-  Expand(here);
-  UpdateConfiguration(here);
-  SolveOrFail(ws.mass.factor, ws.mass.M, ws.rhs);
-  ws.x = ws.rhs;
-  state.reduced.w = ws.x;
-  return true;
+  const bool expands = ws.is_expanded
+                           ? FarthestTurn(here, ws.expanded->expansion.Q, ws.expanded_pose.delta) > 1 ||
+                                 InertiaChange(here) > kInertiaChanged
+                           : 2 * kStepsThatPay * turn < 1;
+  if (expands)
+    ChangeEvaluator(here, [&] {
+      Expand(here);
+      ws.is_expanded = true;
+    });
+  return expands;
 }
 
 }  // namespace fork1s

@@ -323,7 +323,7 @@ void EndStep(const MechanismStep& here, double between_stages) {
   }
   state.reduced.w = ws.x.tail(model.size());
   ws.stage.v_k.setZero();
-  if (!model.expands) state.mu = ws.configuration.mu;
+  if (state.expanded_at.size() == 0) state.mu = ws.configuration.mu;
   const bool has_columns = HasForcesFromOutside(state);
   ws.missing.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
   if (has_columns) AddAppliedWrenches(here, ws.missing.wrenches_R);

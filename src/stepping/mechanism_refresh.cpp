@@ -216,6 +216,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   StartAtReference(*model, state);
   state.reference_age = 0;
   state.expanded_at.resize(0);
+  const bool expands = ws.is_expanded;
   ws.is_expanded = false;
   Renew(here);
   VectorX x = SolveSymmetric(ws.mass.M, p);
@@ -228,7 +229,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   if (model->base_size > 0) state.reduced.V_R = x.head<6>();
   UpdateConfiguration(here);
   state.mu = ws.configuration.mu;
-  StartExpansions(here);
+  if (expands) StartExpansions(here);
   return true;
 }
 

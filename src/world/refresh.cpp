@@ -24,8 +24,9 @@ void RefreshIfStale(std::size_t i, double h, const Detection& detection, const C
                     MechanismDynamics& m, RefreshState& refresh) {
   refresh.result = 0;
   refresh.drift = m.ComputeLinearizationDrift();
-  const bool expanded = !(refresh.drift.share > 1) && ExpandIfFar(m);
-  if (!(refresh.drift.share > 1) && m.model().has_complement && (expanded || !m.step_model().expands)) {
+  const bool knows_joint_forces = !m.is_expanded();  // of the step
+  const bool expanded = !(refresh.drift.share > 1) && UpdateExpansion(m, h);
+  if (!(refresh.drift.share > 1) && m.model().has_complement && (expanded || knows_joint_forces)) {
     GatherContactImpulses(i, m, detection, rows, refresh);
     refresh.drift = FindMissingLoad(m, h, refresh.contact_impulses_R);
   }

@@ -67,7 +67,7 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
 bool World::Detail::IsFinite(bool poses) {
   bodies_.ForMechanisms([&](std::size_t i) {
     const MechanismDynamics& m = bodies_.mechanisms[i];
-    finite_[i] = fork1s::IsFinite(m) && (!poses || PosesAreFinite(m));
+    finite_[i] = fork1s::IsFinite(m) && IsWithinExpansion(m) && (!poses || PosesAreFinite(m));
   });
   return std::all_of(finite_.begin(), finite_.end(), [](char finite) { return finite != 0; }) &&
          std::all_of(bodies_.free_bodies.begin(), bodies_.free_bodies.end(),

@@ -25,27 +25,19 @@
 
 namespace fork1s {
 
-/// Of coordinates a <= b of one joint of several freedoms: the second derivative of its motion, in R about
-/// R's origin, beyond that of two screws one after the other. It adds `second` (q_a q_bᵀ + q_b q_aᵀ), or
-/// `second` q_a q_aᵀ, to A of what the joint carries.
-struct JointCurvature {
-  int a = 0, b = 0;
-  Vector6 second;
-};
-
 /// Sizes: n joint coordinates, r reduced ones, m independent loop rows. Third-order arrays are matrices of
 /// columns: those of r² rows have entry (k, j) of an r x r matrix in row k + r j.
 struct Expansion {
   VectorX z;     // r
   VectorX q;     // n
   RowMatrixX Q;  // n x r, ∂q/∂z
-  Matrix6X T;    // 6 x (n r): of what each coordinate moves, r columns a coordinate
-  Matrix6X S;    // 6 x n, present screws
-  std::vector<JointCurvature> joints;
-  MatrixX N;             // m x r², ∂²µ/∂z²
-  MatrixX M;             // r x r
-  MatrixX G;             // r² x r
-  MatrixX D;             // r x r, damping
+  Matrix6X T;  // 6 x (n + 1) r: twists of what coordinate j moves in block j + 1 of r columns; block 0: none
+  Matrix6X C;  // 6 x n r: c_j, with what joints of several freedoms add to T x S_j
+  Matrix6X S;  // 6 x n, present screws
+  MatrixX N;   // m x r², ∂²µ/∂z²
+  MatrixX M;   // r x r
+  MatrixX G;   // r² x r
+  MatrixX D;   // r x r, damping
   MatrixX D_slope;       // r² x r: D + D'(δ) + D'(δ)ᵀ, as G; springs along paths stay as they are
   MatrixX K;             // r x r: stiffness of springs without what their loads are stiff by
   VectorX spring_force;  // r: f* of springs

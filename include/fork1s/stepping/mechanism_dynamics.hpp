@@ -37,6 +37,8 @@ class MechanismDynamics {
   const Configuration& configuration() const { return ConfigurationOf(*this); }
   const std::vector<ContactGroup>& groups() const;
   Recovery recovery() const;
+  /// Whether the pose at hand is told by an expansion.
+  bool is_expanded() const;
   /// Number of generalized velocities: r, plus 6 where the base floats.
   int num_velocities() const;
   /// Limits in force: those of the mechanism, widened to the initial pose where that was outside.

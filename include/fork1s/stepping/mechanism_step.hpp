@@ -162,8 +162,11 @@ void RecordLoads(const MechanismStep& here, const MechanismState& start,
 /// for so long that it would have moved by as much, and within three steps of the last refresh. A refresh
 /// gives them load columns. `contact_impulses_R`: of the last stage, about R's origin [6 x bodies].
 LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R);
-/// Expands about the present pose where the last expansion is too far. Allocates then. Whether it did.
-bool ExpandIfFar(const MechanismStep& here);
+/// After a step of h [s]: expands about the present pose where the last expansion is too far, and goes by exact poses
+/// where joints turn too fast for that. Allocates then. Whether it expanded.
+bool UpdateExpansion(const MechanismStep& here, double h);
+/// False where joints have turned so far from the expansion that it tells nothing of the pose.
+bool IsWithinExpansion(const MechanismView& here);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
 /// the old model stays.
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);
