@@ -77,6 +77,7 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   pose.q = out->expansion.q;
   pose.Q = out->expansion.Q;
   pose.rates.resize(r);
+  pose.loop_rates.resize(model.reduced->loop_rank());
   ws.expanded = std::move(out);
 }
 
@@ -95,6 +96,19 @@ void MoveExpanded(const MechanismStep& here) {
     pose.Q.row(i) = expansion.Q.row(i) + pose.rates.transpose();
     pose.q(i) = expansion.q(i) + expansion.Q.row(i).dot(pose.delta) + 0.5 * pose.rates.dot(pose.delta);
   }
+}
+
+void ComputeExpandedJointRates(const MechanismStep& here, const VectorX& w, VectorX& q_dot) {
+  const auto& [model, state, ws] = here;
+  const Expansion& expansion = ws.expanded->expansion;
+  ExpandedPose& pose = ws.expanded_pose;
+  q_dot.noalias() = expansion.Q * w;
+  if (model.reduced->loop_rank() == 0) return;
+  // q'' = -Bᵀ N
+  pose.scratch.noalias() = w * pose.delta.transpose();
+  pose.loop_rates.noalias() =
+      expansion.N * Eigen::Map<const VectorX>(pose.scratch.data(), pose.scratch.size());
+  model.reduced->loops.SubtractTransposed(model.reduced->B, pose.loop_rates, q_dot);
 }
 
 void ComputeExpandedMass(const MechanismStep& here) {

@@ -36,7 +36,7 @@ struct ExpandedPose {
   std::vector<Matrix6X> J;           // 6 x r: twist of groups in R about R's origin per rate of z
   VectorX q;                         // n, those of `coordinates`; others stay as they are at z*
   RowMatrixX Q;                      // n x r, likewise
-  VectorX rates;                     // r: scratch
+  VectorX rates, loop_rates;         // r, m: scratch
 };
 
 /// Expands about the present z, which need not be the pose at hand. Allocates.
@@ -45,6 +45,8 @@ void Expand(const MechanismStep& here);
 void ExpandAt(const MechanismStep& here, const Configuration& at);
 /// The pose at hand <- that of the present z.
 void MoveExpanded(const MechanismStep& here);
+/// q_dot [n] <- rates of joints at rates w, to first order in δ.
+void ComputeExpandedJointRates(const MechanismStep& here, const VectorX& w, VectorX& q_dot);
 void ComputeExpandedMass(const MechanismStep& here);
 /// Momenta at the velocity x of the workspace and the pose at hand.
 void ComputeExpandedMomenta(const MechanismStep& here, StageBase& out);

@@ -54,13 +54,20 @@ void ChangeEvaluator(const MechanismStep& here, const Change& change) {
   state.reduced.w = ws.x;
 }
 
-void ConfigureByJoints(const MechanismStep& here) {
+// What the next configuration of joints begins with.
+void GoByJoints(const MechanismStep& here) {
   here.work.is_expanded = false;
   here.work.configuration.mu = here.state.mu;
   here.work.configuration.foresees = false;
 }
 
 }  // namespace
+
+void UseExactPose(const MechanismStep& here) {
+  if (!here.work.is_expanded) return;
+  GoByJoints(here);
+  UpdateConfiguration(here);
+}
 
 void StartExpansions(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
@@ -85,15 +92,16 @@ void RestoreExpansion(const MechanismStep& here) {
 }
 
 void ChooseEvaluator(const MechanismStep& here) {
-  if (!here.work.is_expanded || !HasForcesFromOutside(here.state)) return;
-  ConfigureByJoints(here);
-  UpdateConfiguration(here);
+  if (HasForcesFromOutside(here.state)) UseExactPose(here);
 }
 
 void EndWithExpansion(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   if (ws.is_expanded || state.expanded_at.size() == 0) return;
   ws.is_expanded = true;
+  UpdatePose(here);
+  if (IsWithinExpansion(here)) return;
+  Expand(here);
   UpdatePose(here);
 }
 
@@ -108,7 +116,7 @@ bool UpdateExpansion(const MechanismStep& here, double h) {
   ws.velocities.w = h * state.reduced.w;
   const double turn = FarthestTurn(here, ws.Q_now(), ws.velocities.w);
   if (ws.is_expanded && kStepsThatPay * turn > 1) {
-    ChangeEvaluator(here, [&] { ConfigureByJoints(here); });
+    ChangeEvaluator(here, [&] { GoByJoints(here); });
     state.expanded_at.resize(0);
     state.mu = ws.configuration.mu;
     return false;

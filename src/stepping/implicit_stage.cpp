@@ -107,7 +107,9 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
   ChooseEvaluator(here);
   ws.start.X_WR = state.reduced.X_WR;
   ws.start.V_R = state.reduced.V_R;
-  if (!ws.is_expanded) {
+  if (ws.is_expanded) {
+    ComputeExpandedJointRates(here, state.reduced.w, ws.start.q_dot);
+  } else {
     ws.start.q_dot.setZero();
     AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.start.q_dot);
   }

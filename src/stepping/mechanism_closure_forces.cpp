@@ -33,10 +33,11 @@ VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& conta
   const Mechanism& m = model.mechanism();
   FORK1S_REQUIRE(near.size() == m.num_constraints(), near.size(), m.num_constraints());
   if (model.reduced->loop_rank() == 0) return VectorX::Zero(m.num_constraints());
-  const Kinematics& kinematics = ws.configuration.kinematics;
+  const Configuration& now = ConfigurationOf(here);
+  const Kinematics& kinematics = now.kinematics;
   const int n = m.num_coordinates();
 
-  const VectorX q_dot = ws.configuration.Q_now * state.reduced.w;
+  const VectorX q_dot = now.Q_now * state.reduced.w;
   // q_dot is that of the start of the step until the next one begins.
   const VectorX q_ddot = (q_dot - ws.start.q_dot) / h;
   const Vector6 A_R =
@@ -45,21 +46,20 @@ VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& conta
   Matrix6X F = contacts_R;
   AddGravityWrenches(m, kinematics, state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W, F);
   Matrix6X V(6, m.num_bodies()), A(6, m.num_bodies());
-  SubtractVelocityWrenches(m, kinematics, ws.configuration.q, state.reduced.V_R, q_dot, VectorX::Zero(n), V,
-                           A, F);
+  SubtractVelocityWrenches(m, kinematics, now.q, state.reduced.V_R, q_dot, VectorX::Zero(n), V, A, F);
   SubtractRigidMotionWrenches(m, kinematics, Vector6::Zero(), A_R, F);
   VectorX g(n), loads = VectorX::Zero(n), inertial;
   AccumulateGeneralizedForce(m, kinematics.S, F, loads);
   if (state.controls.size() > 0) AddControlForce(m, kinematics, state.controls, loads);
-  SpringForce(m, kinematics, ws.configuration.q, g);
+  SpringForce(m, kinematics, now.q, g);
   ApplyMass(m, kinematics, q_ddot, inertial);
   // Of the armature ApplyMass has all but what E changes by.
-  SubtractArmatureForces(m, kinematics, ws.configuration.q, q_dot, VectorX::Zero(n), loads);
-  g += loads - inertial - DampingMatrix(m, kinematics, ws.configuration.q) * q_dot;
+  SubtractArmatureForces(m, kinematics, now.q, q_dot, VectorX::Zero(n), loads);
+  g += loads - inertial - DampingMatrix(m, kinematics, now.q) * q_dot;
 
-  const VectorX root = Compliances(m, kinematics, ws.configuration.q).cwiseSqrt();
+  const VectorX root = Compliances(m, kinematics, now.q).cwiseSqrt();
   MatrixX rows;
-  ClosureJacobian(m, kinematics, ws.configuration.q, rows);
+  ClosureJacobian(m, kinematics, now.q, rows);
   const MatrixX A_T = rows.transpose();
   // Below a hundredth of the largest singular value the joints can hardly yield: a finger stretched against
   // another one bears 100 N for a thousandth of a millimetre, which contacts that are not frozen lose by

@@ -25,6 +25,8 @@ void UpdatePose(const MechanismStep& here, bool loops_are_closed = false);  // c
 void StartExpansions(const MechanismStep& here);
 /// The expansion that the state tells of, where it has one.
 void RestoreExpansion(const MechanismStep& here);
+/// The exact pose of joints in place of that of an expansion.
+void UseExactPose(const MechanismStep& here);
 /// For the step that begins: the expansion, or the exact pose where loads act that no expansion knows.
 void ChooseEvaluator(const MechanismStep& here);
 /// After a step by exact poses: an expansion about where it ended, for what follows.

@@ -31,6 +31,7 @@ PointResponse RespondAt(const MechanismView& now, BodyIndex body, const Vector3&
   MechanismWorkspace ws = now.work;
   const MechanismModel& model = now.model;
   const MechanismStep here{model, state, ws};
+  UseExactPose(here);
   PointResponse out;
   out.mass = model.mechanism().total_mass();
   const RigidTransform& X_WR = state.reduced.X_WR;

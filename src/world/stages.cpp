@@ -73,6 +73,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   bodies_.ForMechanisms([&](std::size_t i) { fork1s::EndStep(bodies_.mechanisms[i], between_stages); });
   for (FreeBody& body : bodies_.free_bodies) body.EndStep(between_stages);
   if (depth_ == 0) return FinishStep(options, before_, report);
+  bodies_.ForMechanisms([&](std::size_t i) { UpdateExpansion(bodies_.mechanisms[i], options.h); });
   return IsFinite(true) ? report : UndoStep(before_, report);
 }
 
@@ -96,13 +97,17 @@ StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& sta
     report.loop_residual = std::max(report.loop_residual, LoopResidualNow(m));
   }
   stage_.within = false;
-  if (options.refresh) {
+  {
     const PartClock clock(times_, &StepPartTimes::refreshing);
     bodies_.ForMechanisms([&](std::size_t i) {
-      RefreshIfStale(i, options.h, detection_, rows_, bodies_.mechanisms[i], refreshes_[i]);
+      MechanismDynamics& m = bodies_.mechanisms[i];
+      if (options.refresh)
+        RefreshIfStale(i, options.h, detection_, rows_, m, refreshes_[i]);
+      else
+        UpdateExpansion(m, options.h);
     });
-    CountRefreshes(refreshes_, report);
   }
+  if (options.refresh) CountRefreshes(refreshes_, report);
   return IsFinite(true) ? report : UndoStep(start, report);
 }
 

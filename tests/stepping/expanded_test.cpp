@@ -1,5 +1,7 @@
 // Steps by a second-order model about a pose, against steps by exact poses.
+#include <allocation_counter.hpp>
 #include <fork1s/stepping/mechanism_model.hpp>
+#include <fork1s/stepping/point_response.hpp>
 #include <random_mechanism.hpp>
 #include <stepping/support.hpp>
 
@@ -121,6 +123,86 @@ TEST(Expanded, APushMovesItAsExactPosesDo) {
     }
     EXPECT_LT(FarthestBody(exact, expanded), 0.02 * FarthestBody(exact, at_start));
   }
+}
+
+// Joints that turn too fast for expansions go by exact poses, and expand again when they are slow.
+TEST(Expanded, FastJointsGoByExactPoses) {
+  const Swing swing({}, 2, 1.0 / 60);
+  World world = MustStart(swing.definition, VectorX::Zero(swing.m->num_coordinates()), 10 * swing.q_dot,
+                          Vector6::Zero(), SteppedBy(Recovery::kExpanded));
+  int expanded = 0, exact = 0;
+  for (int i = 0; i < 600; ++i) {
+    ASSERT_TRUE(world.Step(swing.step).finite);
+    (world.mechanisms()[0].is_expanded() ? expanded : exact)++;
+  }
+  EXPECT_GT(exact, 5);
+  EXPECT_GT(expanded, 10);
+}
+
+// However long it goes without a new reference.
+TEST(Expanded, GoesOnWithoutRefreshes) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 1;
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    SCOPED_TRACE(seed);
+    Swing swing(options, seed, 1.0 / 60);
+    swing.step.refresh = false;
+    World exact = swing.Start(Recovery::kExact), expanded = swing.Start(Recovery::kExpanded);
+    const World at_start = swing.Start(Recovery::kExact);
+    for (int i = 0; i < 60; ++i) {
+      exact.Step(swing.step);
+      ASSERT_TRUE(expanded.Step(swing.step).finite);
+    }
+    EXPECT_LT(FarthestBody(exact, expanded), 0.02 * FarthestBody(exact, at_start));
+  }
+}
+
+// What loops bear is read from a pose and rates that a step by an expansion does not compute.
+TEST(Expanded, ClosuresBearWhatTheyDoByExactPoses) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 2;
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    SCOPED_TRACE(seed);
+    const Swing swing(options, seed, 1.0 / 240);
+    const auto forces = [&](Recovery recovery) {
+      World world = swing.Start(recovery);
+      for (int i = 0; i < 20; ++i) world.Step(swing.step);
+      const MechanismDynamics& m = world.mechanisms()[0];
+      return m.ClosureForces(swing.step.h, Matrix6X::Zero(6, m.mechanism().num_bodies()),
+                             VectorX::Zero(m.mechanism().num_constraints()));
+    };
+    const VectorX exact = forces(Recovery::kExact);
+    // Accelerations are differences of rates that are known to second order.
+    EXPECT_LT((forces(Recovery::kExpanded) - exact).norm(), 0.02 * exact.norm());
+  }
+}
+
+TEST(Expanded, APointGivesWayAsByExactPoses) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 1;
+  const Swing swing(options, 4, 1.0 / 240);
+  const auto response = [&](Recovery recovery) {
+    World world = swing.Start(recovery);
+    for (int i = 0; i < 20; ++i) world.Step(swing.step);
+    const MechanismDynamics& m = world.mechanisms()[0];
+    return RespondAt(m, BodyIndex(m.mechanism().num_bodies() / 2), Vector3(0.1, 0, 0), swing.step.h).W;
+  };
+  const Matrix3 exact = response(Recovery::kExact);
+  EXPECT_LT((response(Recovery::kExpanded) - exact).norm(), 5e-3 * exact.norm());
+}
+
+TEST(Expanded, AStepWithoutAnExpansionDoesNotAllocate) {
+  RandomMechanismOptions options;
+  options.rigid_closures = 1;
+  Swing swing(options, 4, 1.0 / 240);
+  swing.q_dot *= 0.05;
+  swing.step.gravity.setZero();
+  World world = swing.Start(Recovery::kExpanded);
+  for (int i = 0; i < 30; ++i) world.Step(swing.step);
+  ASSERT_TRUE(world.mechanisms()[0].is_expanded());
+  const long before = testing::allocations.load();
+  for (int i = 0; i < 20; ++i) world.Step(swing.step);
+  EXPECT_EQ(testing::allocations.load(), before);
 }
 
 TEST(Expanded, WhatHasNoExpansionStepsByExactPoses) {
