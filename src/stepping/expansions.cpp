@@ -61,7 +61,24 @@ void GoByJoints(const MechanismStep& here) {
   here.work.configuration.foresees = false;
 }
 
+bool IsFar(const MechanismStep& here) {
+  const MechanismWorkspace& ws = here.work;
+  return FarthestTurn(here, ws.expanded->expansion.Q, ws.expanded_pose.delta) > 1 ||
+         InertiaChange(here) > kInertiaChanged;
+}
+
+void LeaveExpansion(const MechanismStep& here) {
+  const auto& [model, state, ws] = here;
+  ChangeEvaluator(here, [&] { GoByJoints(here); });
+  state.expanded_at.resize(0);
+  state.mu = ws.configuration.mu;
+}
+
 }  // namespace
+
+void LeaveFarExpansion(const MechanismStep& here) {
+  if (here.work.is_expanded && IsFar(here)) LeaveExpansion(here);
+}
 
 void UseExactPose(const MechanismStep& here) {
   if (!here.work.is_expanded) return;
@@ -116,15 +133,10 @@ bool UpdateExpansion(const MechanismStep& here, double h) {
   ws.velocities.w = h * state.reduced.w;
   const double turn = FarthestTurn(here, ws.Q_now(), ws.velocities.w);
   if (ws.is_expanded && kStepsThatPay * turn > 1) {
-    ChangeEvaluator(here, [&] { GoByJoints(here); });
-    state.expanded_at.resize(0);
-    state.mu = ws.configuration.mu;
+    LeaveExpansion(here);
     return false;
   }
-  const bool expands = ws.is_expanded
-                           ? FarthestTurn(here, ws.expanded->expansion.Q, ws.expanded_pose.delta) > 1 ||
-                                 InertiaChange(here) > kInertiaChanged
-                           : 2 * kStepsThatPay * turn < 1;
+  const bool expands = ws.is_expanded ? IsFar(here) : 2 * kStepsThatPay * turn < 1;
   if (expands)
     ChangeEvaluator(here, [&] {
       Expand(here);

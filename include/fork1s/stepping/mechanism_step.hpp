@@ -165,6 +165,8 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
 /// After a step of h [s]: expands about the present pose where the last expansion is too far, and goes by exact poses
 /// where joints turn too fast for that. Allocates then. Whether it expanded.
 bool UpdateExpansion(const MechanismStep& here, double h);
+/// After a part of a step: by exact poses from here on where the expansion is too far.
+void LeaveFarExpansion(const MechanismStep& here);
 /// False where joints have turned so far from the expansion that it tells nothing of the pose.
 bool IsWithinExpansion(const MechanismView& here);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
