@@ -1,6 +1,5 @@
 #include <fork1s/reduction/expansion.hpp>
 
-#include <fork1s/linalg/products.hpp>
 #include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/spatial/twist_exponential.hpp>
 
@@ -46,9 +45,9 @@ class Expander {
 
   void Expand() {
     joints_ = internal::JointCurvatures(m_, at_.kinematics, at_.q);
-    TakeTwists();
+    ComputeTwists();
     CurveLoops();
-    TakeCarried();
+    SumCarried();
     AddInertia();
     AddDampers();
     AddSprings();
@@ -59,7 +58,7 @@ class Expander {
   auto T(int coordinate) { return out_.T.middleCols((coordinate + 1) * r_, r_); }
   auto Before(int coordinate) const { return internal::TwistsBefore(m_, out_, coordinate); }
 
-  void TakeTwists() {
+  void ComputeTwists() {
     out_.T.resize(6, (n_ + 1) * r_);
     out_.T.leftCols(r_).setZero();
     out_.C.resize(6, n_ * r_);
@@ -89,7 +88,7 @@ class Expander {
     out_.N = rows.leftCols(r_ * r_);
   }
 
-  void TakeCarried() {
+  void SumCarried() {
     const RigidParts parts(m_);
     carried_.resize(static_cast<std::size_t>(m_.num_joints()));
     for (Carried& c : carried_) c.P.setZero(6, r_);

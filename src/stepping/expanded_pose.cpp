@@ -1,24 +1,25 @@
 #include "expanded_pose.hpp"
 
-#include <algorithm>
+#include <set>
 
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
 namespace {
 
-void AddCoordinates(const Mechanism::Length& length, std::vector<int>& out) {
-  for (const auto& [i, c] : length.terms)
-    if (std::find(out.begin(), out.end(), i) == out.end()) out.push_back(i);
-}
-
 // Those whose displacement or rate a step asks for by name.
 std::vector<int> AskedCoordinates(const Mechanism& m) {
-  std::vector<int> out;
-  for (const auto& control : m.controls()) AddCoordinates(control.length, out);
-  for (const auto& limit : m.length_limits()) AddCoordinates(limit.length, out);
-  for (const auto& friction : m.frictions()) AddCoordinates(friction.length, out);
-  return out;
+  std::set<int> out;
+  const auto add = [&](const auto& elements) {
+    for (const auto& element : elements) {
+      const std::vector<int> own = m.CoordinatesOf(element.length);
+      out.insert(own.begin(), own.end());
+    }
+  };
+  add(m.controls());
+  add(m.length_limits());
+  add(m.frictions());
+  return {out.begin(), out.end()};
 }
 
 // A pose where loops are closed exactly, from where the last exact one left them: the same bits whatever came
@@ -88,6 +89,7 @@ void MoveExpanded(const MechanismStep& here) {
   ws.has_exact_pose.store(false);
   pose.delta = state.reduced.z - expansion.z;
   Contract(expansion.G, pose.delta, pose.G);
+  Contract(expansion.D_slope, pose.delta, pose.D);
   for (std::size_t g = 0; g < ws.expanded->groups.size(); ++g)
     EvaluateBody(ws.expanded->groups[g], pose.delta, pose.X_RG[g], pose.J[g]);
   for (std::size_t k = 0; k < ws.expanded->coordinates.size(); ++k) {
@@ -134,8 +136,6 @@ void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& b
   change.noalias() += pose.G.transpose() * pose.rates;
   change.noalias() -= pose.G * v;
   if (b > 0) {
-    // D'(δ) v + D'(δ)ᵀ v
-    Contract(expansion.D_slope, pose.delta, pose.D);
     change.noalias() -= b * (expansion.D * v);
     change.noalias() -= b * (pose.D * v);
     change.noalias() -= b * (pose.D.transpose() * v);
@@ -167,10 +167,8 @@ void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
 void AddExpandedOperator(const MechanismStep& here, double b, Eigen::Ref<MatrixX> A) {
   MechanismWorkspace& ws = here.work;
   const Expansion& expansion = ws.expanded->expansion;
-  A += b * expansion.D + b * b * expansion.K;
-  if (!(b > 0)) return;
-  Contract(expansion.D_slope, ws.expanded_pose.delta, ws.expanded_pose.D);
-  A += b * ws.expanded_pose.D + b * ws.expanded_pose.D.transpose();
+  const MatrixX& D = ws.expanded_pose.D;
+  A += b * (expansion.D + D + D.transpose()) + b * b * expansion.K;
 }
 
 }  // namespace fork1s

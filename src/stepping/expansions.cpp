@@ -37,8 +37,8 @@ double FarthestTurn(const MechanismView& here, const RowMatrixX& rows, const Vec
 double InertiaChange(const MechanismStep& here) {
   MechanismWorkspace& ws = here.work;
   ExpandedPose& pose = ws.expanded_pose;
-  pose.D = pose.G + pose.G.transpose();
-  pose.scratch.noalias() = ws.expanded->M_inverse * pose.D;
+  pose.scratch.noalias() = ws.expanded->M_inverse * pose.G;
+  pose.scratch.noalias() += ws.expanded->M_inverse * pose.G.transpose();
   return std::sqrt(std::max(0.0, pose.scratch.cwiseProduct(pose.scratch.transpose()).sum()));
 }
 
@@ -54,8 +54,8 @@ void ChangeEvaluator(const MechanismStep& here, const Change& change) {
   state.reduced.w = ws.x;
 }
 
-// What the next configuration of joints begins with.
-void GoByJoints(const MechanismStep& here) {
+// Where the next exact pose starts from: a function of the state.
+void ResetConfiguration(const MechanismStep& here) {
   here.work.is_expanded = false;
   here.work.configuration.mu = here.state.mu;
   here.work.configuration.foresees = false;
@@ -67,22 +67,22 @@ bool IsFar(const MechanismStep& here) {
          InertiaChange(here) > kInertiaChanged;
 }
 
-void LeaveExpansion(const MechanismStep& here) {
+void DropExpansion(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  ChangeEvaluator(here, [&] { GoByJoints(here); });
+  ChangeEvaluator(here, [&] { ResetConfiguration(here); });
   state.expanded_at.resize(0);
   state.mu = ws.configuration.mu;
 }
 
 }  // namespace
 
-void LeaveFarExpansion(const MechanismStep& here) {
-  if (here.work.is_expanded && IsFar(here)) LeaveExpansion(here);
+void DropExpansionIfFar(const MechanismStep& here) {
+  if (here.work.is_expanded && IsFar(here)) DropExpansion(here);
 }
 
 void UseExactPose(const MechanismStep& here) {
   if (!here.work.is_expanded) return;
-  GoByJoints(here);
+  ResetConfiguration(here);
   UpdateConfiguration(here);
 }
 
@@ -133,7 +133,7 @@ bool UpdateExpansion(const MechanismStep& here, double h) {
   ws.velocities.w = h * state.reduced.w;
   const double turn = FarthestTurn(here, ws.Q_now(), ws.velocities.w);
   if (ws.is_expanded && kStepsThatPay * turn > 1) {
-    LeaveExpansion(here);
+    DropExpansion(here);
     return false;
   }
   const bool expands = ws.is_expanded ? IsFar(here) : 2 * kStepsThatPay * turn < 1;

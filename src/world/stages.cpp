@@ -73,7 +73,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   bodies_.ForMechanisms([&](std::size_t i) { fork1s::EndStep(bodies_.mechanisms[i], between_stages); });
   for (FreeBody& body : bodies_.free_bodies) body.EndStep(between_stages);
   if (depth_ == 0) return FinishStep(options, before_, report);
-  bodies_.ForMechanisms([&](std::size_t i) { LeaveFarExpansion(bodies_.mechanisms[i]); });
+  bodies_.ForMechanisms([&](std::size_t i) { DropExpansionIfFar(bodies_.mechanisms[i]); });
   return IsFinite(true) ? report : UndoStep(before_, report);
 }
 

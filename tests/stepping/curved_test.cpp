@@ -12,22 +12,6 @@ using testing::RandomMechanismOptions;
 using testing::RandomSource;
 using testing::Still;
 
-World::Options By(Recovery recovery) {
-  World::Options options;
-  options.recovery = recovery;
-  options.reduction.promote_hidden = true;
-  return options;
-}
-
-double Far(const World& a, const World& b) {
-  double far = 0;
-  const MechanismDynamics &m = a.mechanisms()[0], &n = b.mechanisms()[0];
-  for (int i = 0; i < m.mechanism().num_bodies(); ++i)
-    far = std::max(far,
-                   (m.BodyPose(BodyIndex(i)).translation() - n.BodyPose(BodyIndex(i)).translation()).norm());
-  return far;
-}
-
 // Four-bars, platforms and random loops swing from the same start. What `curved` changes is of third order of
 // what moved since the refresh, and loops never open by more than the gap at which they are closed anew.
 TEST(Curved, SwingsAsExactDoes) {
@@ -46,7 +30,8 @@ TEST(Curved, SwingsAsExactDoes) {
       const VectorX q_dot = random.Vector(m->num_coordinates(), 2);
       const Vector6 V = base == BaseKind::kFloating ? random.Six(1) : Vector6(Vector6::Zero());
       const auto start = [&](Recovery recovery) {
-        return MustStart(definition, VectorX::Zero(m->num_coordinates()), q_dot, V, By(recovery));
+        return MustStart(definition, VectorX::Zero(m->num_coordinates()), q_dot, V,
+                         testing::SteppedBy(recovery));
       };
       World exact = start(Recovery::kExact), curved = start(Recovery::kCurved);
       double gap = 0, far = 0, way = 0;
@@ -59,8 +44,8 @@ TEST(Curved, SwingsAsExactDoes) {
         if (i == 60) curved.mechanisms()[0].Save(kept);
         refreshed += report.refreshes;
         gap = std::max(gap, curved.mechanisms()[0].ClosureGapNow());
-        far = std::max(far, Far(exact, curved));
-        way = std::max(way, Far(exact, at_start));
+        far = std::max(far, testing::FarthestBody(exact, curved));
+        way = std::max(way, testing::FarthestBody(exact, at_start));
       }
       EXPECT_LT(gap, MechanismDynamics::Options{}.refresh_gap);
       bent += gap > 1e-6 ? 1 : 0;

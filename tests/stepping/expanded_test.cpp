@@ -10,26 +10,11 @@
 namespace fork1s {
 namespace {
 
+using testing::FarthestBody;
 using testing::MustStart;
 using testing::RandomMechanismOptions;
 using testing::RandomSource;
-
-World::Options SteppedBy(Recovery recovery) {
-  World::Options options;
-  options.recovery = recovery;
-  options.reduction.promote_hidden = true;
-  return options;
-}
-
-double FarthestBody(const World& a, const World& b) {
-  double far = 0;
-  std::vector<RigidTransform> of_a, of_b;
-  a.mechanisms()[0].BodyPoses(of_a);
-  b.mechanisms()[0].BodyPoses(of_b);
-  for (std::size_t i = 0; i < of_a.size(); ++i)
-    far = std::max(far, (of_a[i].translation() - of_b[i].translation()).norm());
-  return far;
-}
+using testing::SteppedBy;
 
 // Two worlds from the same start, for half a second of swinging under weight.
 struct Swing {
@@ -211,6 +196,9 @@ TEST(Expanded, WhatHasNoExpansionStepsByExactPoses) {
   const Swing swing(options, 3, 1.0 / 60);
   World exact = swing.Start(Recovery::kExact), expanded = swing.Start(Recovery::kExpanded);
   EXPECT_FALSE(expanded.mechanisms()[0].step_model().expands);
+  EXPECT_EQ(std::count_if(expanded.warnings().begin(), expanded.warnings().end(),
+                          [](const std::string& w) { return w.find("its base moves") != std::string::npos; }),
+            1);
   for (int i = 0; i < 20; ++i) {
     exact.Step(swing.step);
     expanded.Step(swing.step);

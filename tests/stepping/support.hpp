@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <algorithm>
 #include <cmath>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/world/world.hpp>
@@ -36,6 +37,24 @@ inline World MustStart(const MechanismDef& mechanism, const VectorX& q, const Ve
                        const Vector6& V_R = Vector6::Zero(), World::Options options = {}) {
   options.initial_keyframe = 0;
   return MustCreate(Started(mechanism, q, q_dot, V_R), options);
+}
+
+/// Of a world whose interfaces Reduce may add to.
+inline World::Options SteppedBy(Recovery recovery) {
+  World::Options options;
+  options.recovery = recovery;
+  options.reduction.promote_hidden = true;
+  return options;
+}
+
+/// How far the bodies of the first mechanism of one world are from those of the other [m], at most.
+inline double FarthestBody(const World& a, const World& b) {
+  double far = 0;
+  const MechanismDynamics &m = a.mechanisms()[0], &n = b.mechanisms()[0];
+  for (int i = 0; i < m.mechanism().num_bodies(); ++i)
+    far = std::max(far,
+                   (m.BodyPose(BodyIndex(i)).translation() - n.BodyPose(BodyIndex(i)).translation()).norm());
+  return far;
 }
 
 inline StepOptions Still(double h = 1.0 / 60) {

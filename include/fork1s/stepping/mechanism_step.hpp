@@ -166,7 +166,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
 /// where joints turn too fast for that. Allocates then. Whether it expanded.
 bool UpdateExpansion(const MechanismStep& here, double h);
 /// After a part of a step: by exact poses from here on where the expansion is too far.
-void LeaveFarExpansion(const MechanismStep& here);
+void DropExpansionIfFar(const MechanismStep& here);
 /// False where joints have turned so far from the expansion that it tells nothing of the pose.
 bool IsWithinExpansion(const MechanismView& here);
 /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
