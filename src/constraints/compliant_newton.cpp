@@ -6,7 +6,7 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr int kPieces = 16, kPatience = 12, kConvexIterations = 100, kLowerings = 30;
+constexpr int kPatience = 12, kConvexIterations = 100, kLowerings = 30;
 constexpr int kPaths = 8;  // with another shift each; of twice as many the second half brought no answer
 constexpr double kShift = 0.01;                 // of the fastest point
 constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] evenly
@@ -17,7 +17,6 @@ void CompliantNewton::Reserve(int num_contacts, int num_limits, int freedoms) {
   const auto n = static_cast<std::size_t>(freedoms);
   lu_.Reserve(freedoms);
   for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
-  pieces_.Reserve(freedoms);
   path_.Reserve(num_contacts, num_limits, freedoms);
 }
 
@@ -138,60 +137,55 @@ void CompliantNewton::Leave(CompliantRows& rows, double tolerance, int& iteratio
     point.law.frozen_normal = -1;
     point.KeepWithinCone();
   }
-  pieces_.LeaveAt(rows, d_);
 }
 
 // What was found in d alone, taken up by pieces: their impulses are free of rounding.
-bool CompliantNewton::Settle(CompliantRows& rows, double tolerance, int& iterations) {
+bool CompliantNewton::Settle(CompliantRows& rows, PieceNewton& pieces, double tolerance, int& iterations) {
   trial_ = d_;
-  if (pieces_.Solve(rows, trial_, tolerance, kPieces, iterations)) {
+  if (pieces.Solve(rows, trial_, tolerance, iterations)) {
     d_.swap(trial_);
     return true;
   }
-  return pieces_.Settle(rows, d_, tolerance);
+  return pieces.Settle(rows, d_, tolerance);
 }
 
-NewtonOutcome CompliantNewton::Solve(CompliantRows& rows, double tolerance, int max_iterations) {
-  NewtonOutcome out;
-  const auto n = static_cast<std::size_t>(rows.freedoms());
-  for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->assign(n, 0.0);
-  rows.Push(d_.data());
-  kept_ = d_;
-  out.converged = pieces_.Solve(rows, d_, tolerance, kPieces, out.iterations);
-  if (!out.converged) {
-    d_ = kept_;
-    const int patience = kPatience + static_cast<int>(rows.points.size());
-    out.converged = Run(rows, tolerance, max_iterations, patience, out.iterations) &&
-                    Settle(rows, tolerance, out.iterations);
-  }
-  if (!out.converged) {
-    out.stage = 1;
+void CompliantNewton::Solve(CompliantRows& rows, PieceNewton& pieces, const ContactSolverOptions& options,
+                            std::vector<double>& change, ContactSolverReport& report) {
+  const double tolerance = options.tolerance;
+  int& iterations = report.newton_iterations;
+  for (std::vector<double>* v : {&trial_, &step_}) v->assign(change.size(), 0.0);
+  kept_ = d_ = change;
+  const auto settles = [&] { return Settle(rows, pieces, tolerance, iterations); };
+  const int patience = kPatience + static_cast<int>(rows.points.size());
+  report.converged = Run(rows, tolerance, options.max_newton_iterations, patience, iterations) && settles();
+  if (!report.converged) {
+    report.stage = std::max(report.stage, 1);
     d_ = kept_;
     rows.Evaluate(d_.data(), false);
-    out.converged = Frozen(rows, 12, tolerance, out.iterations) && Settle(rows, tolerance, out.iterations);
+    report.converged = Frozen(rows, 12, tolerance, iterations) && settles();
   }
-  if (!out.converged) {
-    out.stage = 2;
+  if (!report.converged) {
+    report.stage = std::max(report.stage, 2);
     std::fill(d_.begin(), d_.end(), 0.0);
     rows.Evaluate(d_.data(), false);
     bool found = false;
     for (double share : {0.1, 0.01, 0.001, 0.0}) {
       rows.Soften(share);
-      found = Frozen(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, out.iterations);
+      found = Frozen(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, iterations);
     }
-    out.converged = found && Settle(rows, tolerance, out.iterations);
+    report.converged = found && settles();
   }
-  if (!out.converged) {
-    out.stage = 3;
+  if (!report.converged) {
+    report.stage = 3;
     kept_ = d_;
-    out.converged = ByPath(rows, tolerance, out.iterations) && Settle(rows, tolerance, out.iterations);
-    if (!out.converged) {  // what softer contact left
+    report.converged = ByPath(rows, tolerance, iterations) && settles();
+    if (!report.converged) {  // what softer contact left
       d_ = kept_;
-      Leave(rows, tolerance, out.iterations);
+      Leave(rows, tolerance, iterations);
+      pieces.LeaveAt(rows, d_);
     }
   }
-  out.residual = pieces_.Residual(rows);
-  return out;
+  change.swap(d_);
 }
 
 }  // namespace fork1s::internal

@@ -40,29 +40,17 @@ double NormalSpeed(const ContactConstraint& c, const Eigen::Ref<const VectorX>& 
 
 struct ContactSolver::Workspace {
   internal::CompliantRows rows;
-  internal::CompliantNewton newton;
-  std::vector<int> taken;  // contacts that take part, in order
+  internal::PieceNewton pieces;
+  internal::CompliantNewton fallbacks;
+  std::vector<double> guess, change;  // d, in freedoms
+  std::vector<int> taken;             // contacts that take part, in order
   std::vector<char> is_taken;
   VectorX start;  // velocities
 
-  internal::NewtonOutcome Solve(const ContactSolverOptions& options);
   bool TakeMissed(const std::vector<ContactConstraint>& contacts,
                   const Eigen::Ref<const VectorX>& velocities);
+  void StoreImpulses(std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits) const;
 };
-
-// What comes down suddenly presses its material in too deep: once more with a stiffer one.
-internal::NewtonOutcome ContactSolver::Workspace::Solve(const ContactSolverOptions& options) {
-  internal::NewtonOutcome outcome = newton.Solve(rows, options.tolerance, options.max_newton_iterations);
-  for (int round = 0; round < kStiffer && outcome.converged && rows.Stiffen(); ++round) {
-    const internal::NewtonOutcome again =
-        newton.Solve(rows, options.tolerance, options.max_newton_iterations);
-    outcome.iterations += again.iterations;
-    outcome.stage = std::max(outcome.stage, again.stage);
-    outcome.converged = again.converged;
-    outcome.residual = again.residual;
-  }
-  return outcome;
-}
 
 // Contacts that were left out and that these velocities close. False where there is none.
 bool ContactSolver::Workspace::TakeMissed(const std::vector<ContactConstraint>& contacts,
@@ -73,6 +61,17 @@ bool ContactSolver::Workspace::TakeMissed(const std::vector<ContactConstraint>& 
   return any;
 }
 
+void ContactSolver::Workspace::StoreImpulses(std::vector<ContactConstraint>& contacts,
+                                             std::vector<LimitConstraint>& limits) const {
+  for (std::size_t i = 0; i < rows.points.size(); ++i) {
+    ContactConstraint& contact = contacts[static_cast<std::size_t>(rows.place(i))];
+    contact.impulse = rows.points[i].impulse.cwiseProduct(rows.points[i].scale);
+    contact.moment = rows.points[i].moment.cwiseProduct(rows.points[i].scale);
+    contact.use = rows.points[i].use;
+  }
+  for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
+}
+
 ContactSolver::ContactSolver() : work_(std::make_unique<Workspace>()) {}
 ContactSolver::~ContactSolver() = default;
 ContactSolver::ContactSolver(ContactSolver&&) noexcept = default;
@@ -81,7 +80,10 @@ ContactSolver& ContactSolver::operator=(ContactSolver&&) noexcept = default;
 void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
   work_->rows.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities),
                       std::max(0, num_freedoms));
-  work_->newton.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities));
+  work_->pieces.Reserve(std::max(0, num_velocities));
+  work_->fallbacks.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities));
+  for (std::vector<double>* v : {&work_->guess, &work_->change})
+    v->reserve(static_cast<std::size_t>(std::max(0, num_velocities)));
   work_->taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
   work_->is_taken.reserve(static_cast<std::size_t>(std::max(0, num_contacts)));
   if (work_->start.size() < num_velocities) work_->start.resize(num_velocities);
@@ -123,23 +125,24 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
       if (work.is_taken[i]) work.taken.push_back(static_cast<int>(i));
     if (again) velocities = work.start.head(velocities.size());
     if (!rows.Prepare(blocks, contacts, work.taken, limits, velocities, options.most_give)) return give_up();
-    const internal::NewtonOutcome outcome = work.Solve(options);
-    report.newton_iterations += outcome.iterations;
-    report.stage = std::max(report.stage, outcome.stage);
-    report.residual = outcome.residual;
-    report.converged = outcome.converged;
-    if (!std::isfinite(outcome.residual)) return give_up();
-    for (std::size_t i = 0; i < rows.points.size(); ++i) {
-      ContactConstraint& contact = contacts[static_cast<std::size_t>(rows.place(i))];
-      contact.impulse = rows.points[i].impulse.cwiseProduct(rows.points[i].scale);
-      contact.moment = rows.points[i].moment.cwiseProduct(rows.points[i].scale);
-      contact.use = rows.points[i].use;
+    // What comes down suddenly presses its material in too deep: once more with a stiffer one.
+    for (int round = 0;; ++round) {
+      work.guess.resize(static_cast<std::size_t>(rows.freedoms()));
+      rows.Push(work.guess.data());
+      work.change = work.guess;
+      report.converged = work.pieces.Solve(rows, work.change, options.tolerance, report.newton_iterations);
+      if (!report.converged) {
+        work.change = work.guess;
+        work.fallbacks.Solve(rows, work.pieces, options, work.change, report);
+      }
+      if (round == kStiffer || !report.converged || !rows.Stiffen()) break;
     }
-    rows.AddChange(work.newton.change().data(), velocities);
+    report.residual = work.pieces.Residual(rows);
+    if (!std::isfinite(report.residual)) return give_up();
+    work.StoreImpulses(contacts, limits);
+    rows.AddChange(work.change.data(), velocities);
     if (!work.TakeMissed(contacts, velocities)) break;
-    for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
   }
-  for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
   Measure(rows, report);
   return report;
 }

@@ -17,7 +17,7 @@ namespace {
 // Of 12,000 jams drawn at random most paths that arrive do so within a few hundred steps, and those that turn
 // back time and again within 2000.
 constexpr int kSteps = 2000;
-constexpr int kCorrections = 8, kArrivals = 16, kCorners = 6;
+constexpr int kCorrections = 8, kCorners = 6;
 constexpr double kOnPath = 1e-5;                // |F| / |Σ Gᵀλ| of places on the way
 constexpr double kFirst = 0.1, kLongest = 0.5;  // of the path's length, which is 1 where nothing changes
 constexpr double kCorner = 1e-7;                // shorter than any arc that need be seen
@@ -102,7 +102,7 @@ bool FrictionPath::Arrive(CompliantRows& rows, Place& place, double tolerance, i
   last_limits_ = rows.limits;
   rows.SetFrictionShare(1);
   last_ = place;
-  if (pieces_.Solve(rows, last_.d, tolerance, kArrivals, iterations)) {
+  if (pieces_.Solve(rows, last_.d, tolerance, iterations)) {
     place = last_;
     return true;
   }

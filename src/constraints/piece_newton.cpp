@@ -11,6 +11,7 @@ constexpr double kRefined = 1e-13;
 // |λ − Π(y)| / |Σ Gᵀλ| that a step or two more usually reach, since they converge by squares. Two rows both
 // at the end of what they bear may take turns a little above it.
 constexpr double kAim = 1e-12;
+constexpr int kMaxIterations = 16;
 
 }  // namespace
 
@@ -73,11 +74,10 @@ bool PieceNewton::SettleFew(CompliantRows& rows, std::vector<double>& d) {
   return false;
 }
 
-bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int max_iterations,
-                        int& iterations) {
+bool PieceNewton::Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int& iterations) {
   rows.TakePieces(d.data(), true);
   double before = std::numeric_limits<double>::infinity();
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     ++iterations;
     if (!lu_.Factor(rows)) return false;
     d = rows.right_side();

@@ -13,8 +13,7 @@ class PieceNewton {
  public:
   void Reserve(int freedoms);
   /// From d and the impulses at hand, d = Σ Gᵀλ. True: both are those of the answer. Else neither is.
-  bool Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int max_iterations,
-             int& iterations);
+  bool Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int& iterations);
   /// On the pieces that d is on, to where d = Σ Gᵀλ holds to rounding. Whether that is the answer.
   bool Settle(CompliantRows& rows, std::vector<double>& d, double tolerance);
   /// No answer: the impulses at hand stay, and d = Σ Gᵀλ of them.
