@@ -227,7 +227,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.contacts_dropped |= report.contacts_dropped;
     WatchHolds(simulation, out);
     FollowBases(simulation, out);
-    out.tally.Look(simulation, report);
+    out.tally.Look(simulation);
     out.penetration_max = std::max(out.penetration_max, report.max_penetration);
     const double energy = simulation.Energy();
     out.energy_increase = std::max(out.energy_increase, energy - out.energy_last);

@@ -1,6 +1,6 @@
 // What contact forces do as they move with their contacts: docs/method.md, section 8.
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/world/contact_motion.hpp>
+#include <fork1s/world/contact_curvature.hpp>
 
 #include "error_contacts.hpp"
 
@@ -38,10 +38,9 @@ void ErrorContacts::ComputeStiffness(const World& world, const std::vector<Conta
   for (const ContactRecord& c : contacts) {
     if (c.impulse(0) <= 0) continue;
     const ContactPoint& p = c.point;
-    const PairCurvature curvature = CurvatureOf(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),
-                                                world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p);
-    const Eigen::Matrix<double, 2, 3> tangents = p.frame.bottomRows<2>();
-    const Matrix3 inverse = tangents.transpose() * InverseOf(curvature).inverse * tangents;
+    const Matrix3 inverse =
+        ComputeInverseCurvature(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),
+                                world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p);
     const Vector3 f = c.point.frame.transpose() * c.impulse / h;
     Twists T[2] = {Twists::Zero(6, size), Twists::Zero(6, size)};
     for (int side = 0; side < 2; ++side) {

@@ -6,7 +6,7 @@
 #include <fork1s/linalg/solve.hpp>
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/world/rolling.hpp>
+#include <fork1s/world/contact_curvature.hpp>
 
 namespace fork1s {
 namespace {
@@ -242,7 +242,7 @@ std::vector<LoadedContact> LoadedContacts(const World& world, double h) {
   for (const ContactRecord& c : world.contacts())
     out.push_back({side_of(c.point.body_a), side_of(c.point.body_b), c.point.point,
                    c.point.frame.transpose() * c.impulse / h, c.point.frame.row(0).transpose(),
-                   InverseCurvature(world, c.point)});
+                   ComputeInverseCurvature(world, c.point)});
   return out;
 }
 

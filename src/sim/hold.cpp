@@ -4,7 +4,7 @@
 #include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/world/rolling.hpp>
+#include <fork1s/world/contact_curvature.hpp>
 #include <set>
 
 namespace fork1s::internal {
@@ -154,7 +154,7 @@ std::vector<Hold> FindHolds(const Scene& scene, const World& world, double h) {
       const bool held_is_b =
           world.contactors()[static_cast<std::size_t>(c->point.body_b)].kind == Contactor::Kind::kFreeBody;
       const int other = held_is_b ? c->point.body_a : c->point.body_b;
-      const Matrix3 inverse_curvature = InverseCurvature(world, c->point);
+      const Matrix3 inverse_curvature = ComputeInverseCurvature(world, c->point);
       const Matrix3 axes = HoldAxes(*c, held_is_b, inverse_curvature);
       const Holder holder = HolderOf(world, other);
       const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(holder.mechanism)];

@@ -1,6 +1,6 @@
 #include <fork1s/sim/load_factor.hpp>
 
-#include <fork1s/world/rolling.hpp>
+#include <fork1s/world/contact_curvature.hpp>
 
 namespace fork1s {
 namespace {
@@ -61,7 +61,8 @@ LoadFactor ComputeLoadFactor(const Simulation& simulation) {
     contacts.push_back({SideOf(simulation, simulation.BodyOfContactor(c.point.body_a)),
                         SideOf(simulation, simulation.BodyOfContactor(c.point.body_b)), c.point.point,
                         c.point.frame.transpose() * c.impulse / simulation.dt(),
-                        c.point.frame.row(0).transpose(), InverseCurvature(simulation.world(), c.point)});
+                        c.point.frame.row(0).transpose(),
+                        ComputeInverseCurvature(simulation.world(), c.point)});
   const auto world = LetGo(simulation);
   if (!world) return {};  // cannot be let go of here either: SetFidelity says why
   return ComputeLoadFactor(*world, contacts);

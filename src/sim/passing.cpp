@@ -131,10 +131,15 @@ void PassingWatch::Look(const Simulation& simulation) {
   Detail& d = *detail_;
   if (!d.watches) return;
   d.Detect(simulation);
-  constexpr double kDeep = 1e-3;  // m: what rests on its neighbour sinks by less
+  constexpr double kDeep = 0.01;  // of the smaller shape's radius: what rests on its neighbour sinks by less
   for (const ContactPoint& p : d.points) {
     const std::pair<int, int> pair = std::minmax(p.body_a, p.body_b);
-    if (-p.gap < kDeep || std::binary_search(d.from_the_start.begin(), d.from_the_start.end(), pair))
+    const auto radius = [&](int body, int geometry) {
+      return BoundingRadius(
+          d.bodies[static_cast<std::size_t>(body)].geometries[static_cast<std::size_t>(geometry)].shape);
+    };
+    const double size = std::min(radius(p.body_a, p.geometry_a), radius(p.body_b, p.geometry_b));
+    if (-p.gap < kDeep * size || std::binary_search(d.from_the_start.begin(), d.from_the_start.end(), pair))
       continue;
     const auto [at, fresh] = d.found.try_emplace(pair);
     Passing& passing = at->second;

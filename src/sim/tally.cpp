@@ -8,8 +8,9 @@ namespace fork1s {
 namespace {
 
 constexpr double kAtCone = 0.99;  // share of the friction from which a contact may slide
-constexpr double kAtStop = 1e-4;  // rad or m that a stop may be off
-constexpr double kSlides = 1e-4;  // m/s: solvers leave less
+// Way in a step, as a share of the smaller shape's radius, from which a contact slides: the solution of a step is known
+// to less.
+constexpr double kSlides = 1e-5;
 
 void Count(EndReached& end, double time, bool upper) {
   if (end.steps == 0) end.first = time;
@@ -111,7 +112,8 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
     pair.friction_loss -= sign * c.impulse.tail<2>().dot(c.point.frame.bottomRows<2>() * slides);
     const Vector3 relative = VelocityAt(now(b), arm_b) - VelocityAt(now(a), arm_a);
     const double speed = (c.point.frame.bottomRows<2>() * relative).norm();
-    if (speed > kSlides) fastest[{a, b}] = std::max(fastest[{a, b}], speed);
+    if (speed * h > kSlides * simulation.world().PairSize(c.point))
+      fastest[{a, b}] = std::max(fastest[{a, b}], speed);
   }
   for (const auto& [key, speed] : fastest) {
     PairLoad& pair = pairs_[key];
@@ -164,7 +166,7 @@ void RunTally::LookBeyondStops(const Simulation& simulation) {
   }
 }
 
-void RunTally::Look(const Simulation& simulation, const StepReport& report) {
+void RunTally::Look(const Simulation& simulation) {
   for (auto& [key, pair] : pairs_) pair.last = {};
   LookAtContacts(simulation);
   LookAtHolds(simulation);
@@ -187,16 +189,13 @@ void RunTally::Look(const Simulation& simulation, const StepReport& report) {
   const auto& mechanisms = simulation.world().mechanisms();
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const MechanismDynamics& m = mechanisms[i];
-    if (report.limits > 0)
-      for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
-        const Mechanism::LengthLimit& limit = m.length_limits()[k];
-        const double length = m.Length(limit.length);
-        const bool upper = length > limit.upper - kAtStop;
-        if (!upper && length > limit.lower + kAtStop) continue;
-        EndReached& end = stops_[{static_cast<int>(i), k}];
-        end.name = limit.WhatAndName();
-        Count(end, simulation.time(), upper);
-      }
+    const std::vector<double>& impulses = simulation.world().StopImpulses(static_cast<int>(i));
+    for (std::size_t at = 0; at < impulses.size(); ++at) {
+      if (!(impulses[at] > 0)) continue;
+      EndReached& end = stops_[{static_cast<int>(i), at / 2}];
+      end.name = m.length_limits()[at / 2].WhatAndName();
+      Count(end, simulation.time(), at % 2 == 1);
+    }
     if (m.NumForcesAtBound() == 0) continue;
     MechanismState state;
     m.Save(state);

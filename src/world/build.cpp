@@ -275,6 +275,12 @@ void World::ResetContacts() {
       std::fill(impulses->begin(), impulses->end(), 0.0);
 }
 
+double World::PairSize(const ContactPoint& point) const { return detail_->detection_.shapes.PairSize(point); }
+
+const std::vector<double>& World::StopImpulses(int mechanism) const {
+  return detail_->stops_[static_cast<std::size_t>(mechanism)].impulses;
+}
+
 void World::AddStopForces(int mechanism, double h, VectorX& tau) const {
   const StopHistory& stops = detail_->stops_[static_cast<std::size_t>(mechanism)];
   fork1s::AddStopForces(detail_->bodies_.mechanisms[static_cast<std::size_t>(mechanism)], h, stops.impulses,

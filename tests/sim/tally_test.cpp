@@ -1,6 +1,7 @@
 // Loads of pairs of bodies over a run.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/sim/tally.hpp>
 
@@ -8,9 +9,9 @@ namespace fork1s {
 namespace {
 
 // A ball of radius r that slides from the top of a sphere of radius R, without rolling yet. The contact
-// normal turns by v h/(R + r) in a step.
-Scene BallOnSphere(double friction, double speed) {
-  constexpr double kBall = 0.02, kSphere = 0.18, kMass = 0.1;  // m, m, kg
+// normal turns by v h/(R + r) in a step. Lengths are multiplied by `scale`, masses by its third power.
+Scene BallOnSphere(double friction, double speed, double scale = 1) {
+  const double kBall = 0.02 * scale, kSphere = 0.18 * scale, kMass = 0.1 * std::pow(scale, 3);  // m, m, kg
   Scene scene;
   FreeBodyDef ball;
   ball.name = "ball";
@@ -30,7 +31,7 @@ Scene BallOnSphere(double friction, double speed) {
   KeyframeDef key;
   KeyframeDef::FreeBodyState start;
   start.X_WB = ball.X_WB;
-  start.velocity_W = Vector3(speed, 0, 0);
+  start.velocity_W = Vector3(scale * speed, 0, 0);
   key.free_bodies.push_back(start);
   scene.keyframes.push_back(key);
   return scene;
@@ -50,8 +51,8 @@ TEST(Tally, FrictionUseOfASlidingContactIsOneWhereItsNormalTurns) {
     RunTally tally;
     tally.Begin(simulation);
     for (int i = 0; i < 4; ++i) {
-      const StepReport report = simulation.Step();
-      tally.Look(simulation, report);
+      simulation.Step();
+      tally.Look(simulation);
     }
     const auto pairs = tally.Pairs();
     ASSERT_EQ(pairs.size(), 1u);
@@ -59,6 +60,35 @@ TEST(Tally, FrictionUseOfASlidingContactIsOneWhereItsNormalTurns) {
     EXPECT_NEAR(pairs[0].mean.FrictionUse(), 1, 1e-9);
     EXPECT_GT(pairs[0].slip, 0.03);  // m
   }
+}
+
+// In micrometres or kilometres a tally tells the same of a motion.
+TEST(Tally, Slip_ScaledScene_ScalesWithIt) {
+  const auto slip_of = [](double scale) {
+    SimulationOptions options;
+    options.initial_keyframe = 0;
+    options.step.material.depth *= scale;
+    options.step.material.stiffness *= std::pow(scale, 3);
+    options.step.material.max_push_speed *= scale;
+    options.collision.margin *= scale;
+    Scene scene = BallOnSphere(0.1, 0.1, scale);
+    scene.gravity *= scale;
+    auto simulation = Simulation::Create(scene, options);
+    EXPECT_TRUE(simulation) << simulation.error().Text();
+    RunTally tally;
+    tally.Begin(*simulation);
+    for (int i = 0; i < 10; ++i) {
+      simulation->Step();
+      tally.Look(*simulation);
+    }
+    const auto pairs = tally.Pairs();
+    EXPECT_EQ(pairs.size(), 1u);
+    return pairs.at(0).slip;
+  };
+  const double slip = slip_of(1);
+  EXPECT_GT(slip, 5e-4);
+  for (const double scale : {1e-6, 1e-3, 1e3})  // to the tolerance of a step's solution
+    EXPECT_NEAR(slip_of(scale) / scale, slip, 1e-6) << scale;
 }
 
 }  // namespace

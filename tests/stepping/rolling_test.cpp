@@ -3,7 +3,7 @@
 
 #include <cmath>
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/world/contact_motion.hpp>
+#include <fork1s/world/contact_curvature.hpp>
 #include <random>
 
 #include "support.hpp"
@@ -102,6 +102,29 @@ TEST(Rolling, BySecondOrderAnEllipsoidKeepsItsEnergy) {
   EXPECT_GT(lost[2], -1e-3);
 }
 
+// Of the material of a body where its surface is touched, world axes.
+struct MaterialMotion {
+  Vector3 omega = Vector3::Zero(), velocity = Vector3::Zero();
+};
+struct ContactMotion {
+  Vector3 velocity = Vector3::Zero();  // of the contact point, m/s
+  Vector3 omega = Vector3::Zero();     // of its normal, without spin, rad/s
+};
+
+// D. J. Montana, The kinematics of contact and grasp, IJRR 7(3), 1988: docs/method.md, (6.3).
+ContactMotion MotionOf(const PairCurvature& curvature, const Matrix3& frame, const MaterialMotion& a,
+                       const MaterialMotion& b) {
+  const CurvatureInverse inverse = Invert(curvature);
+  const Vector3 n = frame.row(0).transpose();
+  const Eigen::Matrix<double, 2, 3> T = frame.bottomRows<2>();
+  const Eigen::Vector2d turn = T * (b.omega - a.omega).cross(n), slip = T * (b.velocity - a.velocity);
+  // Where flat lies on flat nothing says which of the two carries the point: half of the slip each.
+  const Eigen::Vector2d u_a = inverse.inverse * (turn + curvature.b * slip) + 0.5 * inverse.flat * slip;
+  const Eigen::Vector2d u_b = u_a - slip, bend = curvature.a * u_a - curvature.b * u_b;
+  const Vector3 n_dot = 0.5 * ((a.omega + b.omega).cross(n) + T.transpose() * bend);
+  return {0.5 * (a.velocity + b.velocity + T.transpose() * (u_a + u_b)), n.cross(n_dot)};
+}
+
 struct Rolled {
   const char* name;
   Shape a, b;
@@ -151,13 +174,12 @@ TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
       const std::vector<GeometryDef> g = {testing::Geometry("a", pair.a, 1),
                                           testing::Geometry("b", pair.b, 1)};
       const auto ia = static_cast<std::size_t>(p.body_a), ib = static_cast<std::size_t>(p.body_b);
-      const PairCurvature curvature = CurvatureOf(g[ia], X[ia], g[ib], X[ib], p);
-      ASSERT_TRUE(curvature.known);
+      const PairCurvature curvature = ComputeCurvature(g[ia], X[ia], g[ib], X[ib], p);
       // So near an edge that it is taken for the edge, or over it within the time looked at.
       const auto changes = [&](const Vector3& aside) {
         ContactPoint near = p;
         near.point += p.frame.transpose() * aside;
-        const PairCurvature other = CurvatureOf(g[ia], X[ia], g[ib], X[ib], near);
+        const PairCurvature other = ComputeCurvature(g[ia], X[ia], g[ib], X[ib], near);
         const Eigen::Matrix2d sum = curvature.a + curvature.b;
         return (other.a + other.b - sum).norm() > 0.5 * sum.norm();
       };
@@ -170,7 +192,7 @@ TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
       if (on_plane) motion[0] = {};
       const Vector3 n = p.frame.row(0).transpose();
       motion[1].velocity -= n * n.dot(motion[1].velocity - motion[0].velocity);
-      const ContactMotion found = MotionOf(curvature, InverseOf(curvature), p.frame, motion[ia], motion[ib]);
+      const ContactMotion found = MotionOf(curvature, p.frame, motion[ia], motion[ib]);
       // Turned round, nothing changes.
       PairCurvature turned = curvature;
       std::swap(turned.a, turned.b);
@@ -180,10 +202,10 @@ TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
         (*K)(0, 1) *= -1;
         (*K)(1, 0) *= -1;
       }
-      const ContactMotion again = MotionOf(turned, InverseOf(turned), frame, motion[ib], motion[ia]);
-      // A corner's curvature stands for 1e6 / m, and rounding of 1e-12 m/s for 1e-6 rad/s there.
+      const ContactMotion again = MotionOf(turned, frame, motion[ib], motion[ia]);
+      // A corner's curvature stands for 3e7 / m, and rounding of 1e-12 m/s for 1e-4 rad/s there.
       EXPECT_LT((again.velocity - found.velocity).norm(), 1e-9);
-      EXPECT_LT((again.omega - found.omega).norm(), 1e-6);
+      EXPECT_LT((again.omega - found.omega).norm(), 1e-4);
 
       const double dt = 1e-3;
       const auto at = [&](double t) {
@@ -209,6 +231,41 @@ TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
     }
     EXPECT_GT(tried, 10) << pair.name;
   }
+}
+
+// What a contact does as it rolls has no length but those of the shapes: 1 mm or 1 km, rims, edges and corners included.
+TEST(Rolling, InverseCurvature_ScaledShapes_ScalesWithThem) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> u(-1, 1);
+  const auto scaled = [](const Shape& shape, double s) {
+    Shape out = shape;
+    if (auto* box = std::get_if<Box>(&out)) box->half *= s;
+    if (auto* cylinder = std::get_if<Cylinder>(&out))
+      *cylinder = Cylinder{s * cylinder->radius, s * cylinder->half_length};
+    if (auto* sphere = std::get_if<Sphere>(&out)) sphere->radius *= s;
+    return out;
+  };
+  const Shape others[] = {Box{Vector3(0.5, 0.7, 0.4)}, Cylinder{0.5, 0.7}, Plane{}};
+  for (const Shape& other : others)
+    for (int trial = 0; trial < 40; ++trial) {
+      // On the face, an edge or a corner of the box, or somewhere on its side.
+      Vector3 p(0.3 * u(random), 0.3 * u(random), 0.4);
+      if (trial % 3 > 0) p.x() = 0.5;
+      if (trial % 3 > 1) p.y() = 0.7;
+      const Matrix3 turn = ExpRotation(Vector3(u(random), u(random), u(random)));
+      const auto at = [&](double s) {
+        ContactPoint point;
+        point.frame = turn;
+        point.point = s * p;
+        const auto first = testing::Geometry("a", scaled(Box{Vector3(0.5, 0.7, 0.4)}, s), 1),
+                   second = testing::Geometry("b", scaled(other, s), 1);
+        const RigidTransform X(ExpRotation(Vector3(0.2, 0.3, 0.1)), s * Vector3(0.1, 0.2, 0.8));
+        return ComputeInverseCurvature(first, RigidTransform(), second, X, point);
+      };
+      const Matrix3 one = at(1);
+      for (double s : {1e-3, 1e3})
+        EXPECT_LE((at(s) / s - one).norm(), 1e-9 * (1 + one.norm())) << trial << " at " << s;
+    }
 }
 
 // A wheel at 5 m/s touches the ground 83 mm farther on in each step, with another part of its tread. It is

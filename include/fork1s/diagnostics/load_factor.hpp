@@ -28,7 +28,7 @@ struct LoadedContact {
   Vector3 point;              // m, world axes, as are the others
   Vector3 force;              // N, on b
   Vector3 normal;             // from a to b
-  Matrix3 inverse_curvature;  // m, (κ_a + κ_b)⁻¹ on the tangent plane: InverseCurvature
+  Matrix3 inverse_curvature;  // m, (κ_a + κ_b)⁻¹ on the tangent plane: ComputeInverseCurvature
 };
 
 /// The contacts of the world's last step, of length h [s].

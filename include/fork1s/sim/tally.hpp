@@ -80,7 +80,7 @@ class RunTally {
   /// fidelity.
   void Begin(const Simulation& simulation);
   /// After every step.
-  void Look(const Simulation& simulation, const StepReport& report);
+  void Look(const Simulation& simulation);
   /// Strongest first.
   std::vector<PairLoad> Pairs() const;
   /// J that friction of contacts took out of the motion so far, of all pairs.

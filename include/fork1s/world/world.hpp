@@ -155,9 +155,14 @@ class World {
   const RigidTransform& PoseAtDetection(int contactor) const;
   /// A shape of a contactor, as the points of contacts() name it.
   const GeometryDef& geometry(int contactor, int geometry) const;
+  /// Radius [m] of the smaller of the two shapes of a contact.
+  double PairSize(const ContactPoint& point) const;
   const std::vector<std::string>& warnings() const;
   /// "servo 'boom' of 'excavator'"; empty for kNone.
   std::string NameOf(const StepSubject& subject) const;
+  /// N·s or N·m·s, at least 0: what the lower (2 k) and upper (2 k + 1) stop of entry k of a mechanism's length_limits()
+  /// bore in the last step.
+  const std::vector<double>& StopImpulses(int mechanism) const;
   /// τ += joint forces [n] of the stops and dry frictions that acted on a mechanism in the last step, of
   /// length h.
   void AddStopForces(int mechanism, double h, VectorX& tau) const;
