@@ -91,6 +91,7 @@ struct RandomMechanismOptions {
   bool bent_springs = false;  ///< with higher terms
   double slack = 0;           ///< springs are slack over up to this
   int controls = 0;
+  int bounded_servos = 0;       ///< springs over one or two freedoms with set-points and bounds of force
   int interfaces = 2;           ///< the last leaves
   bool joints_in_order = true;  ///< false: joints are added out of body order
 };
@@ -252,6 +253,32 @@ inline void AddConnections(RandomSource& random, const RandomMechanismOptions& o
     c.gain = random.Uniform(1, 50);
     c.is_setpoint = random.Chance(0.5);
     def.controls.push_back(c);
+  }
+  for (int i = 0; i < options.bounded_servos; ++i) {
+    ControlDef c;
+    c.name = "servo" + std::to_string(i + 1);
+    c.terms.emplace_back(RandomFreedom(random, def), random.Uniform(0.5, 2));
+    if (random.Chance(0.3)) c.terms.emplace_back(RandomFreedom(random, def), random.Uniform(-1, 1));
+    c.gain = random.Uniform(20, 100);
+    c.is_setpoint = true;
+    SpringDef s;
+    s.name = c.name;
+    s.terms = c.terms;
+    s.stiffness = c.gain;
+    s.damping = random.Chance(0.5) ? 0.02 * c.gain : 0;
+    s.rest = random.Uniform(-0.1, 0.1);
+    ForceLimitDef bound;
+    bound.name = c.name;
+    bound.terms = c.terms;
+    bound.inputs.emplace_back(c.name, 1.0);
+    bound.stiffness = s.stiffness;
+    bound.damping = s.damping;
+    bound.rest = s.rest;
+    bound.upper = random.Uniform(2, 10);
+    bound.lower = -bound.upper;
+    def.controls.push_back(c);
+    def.springs.push_back(s);
+    def.force_limits.push_back(bound);
   }
 }
 

@@ -1,5 +1,6 @@
 #include "expanded_pose.hpp"
 
+#include <algorithm>
 #include <set>
 
 #include "mechanism_detail.hpp"
@@ -19,6 +20,7 @@ std::vector<int> AskedCoordinates(const Mechanism& m) {
   add(m.controls());
   add(m.length_limits());
   add(m.frictions());
+  add(m.force_limits());
   return {out.begin(), out.end()};
 }
 
@@ -43,10 +45,53 @@ std::string WhatForbidsExpansion(const Mechanism& mechanism) {
   if (!mechanism.paths().empty()) return "path '" + mechanism.paths().front().name + "' bends with the pose";
   for (const Mechanism::Spring& s : mechanism.springs())
     if (!s.is_linear()) return "spring '" + s.name + "' is not linear";
-  if (!mechanism.force_limits().empty())
-    return "the force of '" + mechanism.force_limits().front().name + "' has bounds";
   return {};
 }
+
+namespace {
+
+// Servos with bounds give force and stiffness along their lengths at every pose (LoadExpandedForces); what the sums over
+// all springs have of them leaves those sums.
+void SubtractServos(const Mechanism& m, ExpandedMechanism& out) {
+  Expansion& e = out.expansion;
+  const auto r = e.z.size();
+  VectorX row(r);
+  MatrixX bend(r, r);
+  for (const Mechanism::ForceLimit& limit : m.force_limits()) {
+    row.setZero();
+    bend.setZero();
+    double length = 0;
+    for (const auto& [i, c] : limit.length.terms) {
+      const auto at =
+          std::lower_bound(out.coordinates.begin(), out.coordinates.end(), i) - out.coordinates.begin();
+      length += c * e.q(i);
+      row += c * e.Q.row(i).transpose();
+      bend += c * out.curvatures[static_cast<std::size_t>(at)];
+    }
+    const double force = limit.stiffness * (limit.rest - length);
+    const MatrixX K = limit.stiffness * row * row.transpose();
+    e.spring_force -= force * row;
+    e.spring_slope -= force * bend - K;
+    e.K -= K;
+    e.D -= limit.damping * row * row.transpose();
+    for (Eigen::Index i = 0; i < r; ++i)
+      Eigen::Map<MatrixX>(e.D_slope.col(i).data(), r, r) -= limit.damping * row * bend.col(i).transpose();
+  }
+}
+
+// f(limit, its index) with length_row <- that of its length at the pose.
+template <class F>
+void ForEachServo(const MechanismStep& here, const F& f) {
+  const auto& [model, state, ws] = here;
+  const auto& limits = model.mechanism().force_limits();
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    if (limits[k].stiffness == 0 && limits[k].damping == 0) continue;
+    ReducedRow(limits[k].length, ws.paths(), ws.expanded_pose.Q, ws.length_row);
+    f(limits[k], k);
+  }
+}
+
+}  // namespace
 
 void Expand(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
@@ -68,6 +113,7 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   for (const int i : out->coordinates)
     out->curvatures.push_back(
         SecondDerivative(*model.reduced, out->expansion, VectorX::Unit(model.reduced->num_coordinates(), i)));
+  SubtractServos(model.mechanism(), *out);
   ExpandedPose& pose = ws.expanded_pose;
   const int r = model.size();
   pose.G.resize(r, r);
@@ -139,6 +185,9 @@ void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& b
     change.noalias() -= b * (expansion.D * v);
     change.noalias() -= b * (pose.D * v);
     change.noalias() -= b * (pose.D.transpose() * v);
+    ForEachServo(here, [&](const Mechanism::ForceLimit& limit, std::size_t) {
+      change -= b * limit.damping * ws.length_row.dot(v) * ws.length_row;
+    });
   }
   ws.momentum_change.all = change;
 }
@@ -162,6 +211,9 @@ void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
     if (force == 0) continue;
     for (const auto& [i, c] : controls[k].length.terms) f += c * force * pose.Q.row(i).transpose();
   }
+  ForEachServo(here, [&](const Mechanism::ForceLimit& limit, std::size_t) {
+    f += limit.stiffness * (limit.rest - Length(here, limit.length)) * ws.length_row;
+  });
 }
 
 void AddExpandedOperator(const MechanismStep& here, double b, Eigen::Ref<MatrixX> A) {
@@ -169,6 +221,10 @@ void AddExpandedOperator(const MechanismStep& here, double b, Eigen::Ref<MatrixX
   const Expansion& expansion = ws.expanded->expansion;
   const MatrixX& D = ws.expanded_pose.D;
   A += b * (expansion.D + D + D.transpose()) + b * b * expansion.K;
+  ForEachServo(here, [&](const Mechanism::ForceLimit& limit, std::size_t k) {
+    const double weight = b * limit.damping + b * b * limit.stiffness;
+    if (here.state.at_bound[k] == 0) A.noalias() += weight * ws.length_row * ws.length_row.transpose();
+  });
 }
 
 }  // namespace fork1s

@@ -6,6 +6,7 @@
 #include <stepping/support.hpp>
 
 #include <algorithm>
+#include <functional>
 
 namespace fork1s {
 namespace {
@@ -37,8 +38,10 @@ struct Swing {
 };
 
 // Between expansions what is left out is of third order in poses and of second in inertia and forces.
-void ExpectSwingAsExact(const RandomMechanismOptions& options) {
+void ExpectSwingAsExact(const RandomMechanismOptions& options,
+                        const std::function<void(MechanismDynamics&, int)>& drive = {}) {
   std::vector<double> shares;
+  int at_bound = 0;
   for (unsigned seed = 0; seed < 12; ++seed) {
     SCOPED_TRACE(seed);
     const Swing swing(options, seed, 1.0 / 240);
@@ -47,9 +50,12 @@ void ExpectSwingAsExact(const RandomMechanismOptions& options) {
     ASSERT_TRUE(expanded.mechanisms()[0].step_model().expands);
     double far = 0, way = 0;
     for (int i = 0; i < 120; ++i) {
+      if (drive)
+        for (World* world : {&exact, &expanded}) drive(world->mechanisms()[0], i);
       exact.Step(swing.step);
       const StepReport report = expanded.Step(swing.step);
       ASSERT_TRUE(report.finite);
+      at_bound += expanded.mechanisms()[0].is_expanded() ? report.forces_at_bound : 0;
       EXPECT_TRUE(report.stages_converged);
       far = std::max(far, FarthestBody(exact, expanded));
       way = std::max(way, FarthestBody(exact, at_start));
@@ -59,6 +65,9 @@ void ExpectSwingAsExact(const RandomMechanismOptions& options) {
   }
   std::sort(shares.begin(), shares.end());
   EXPECT_LT(shares[shares.size() / 2], 2e-3);
+  if (options.bounded_servos > 0) {
+    EXPECT_GT(at_bound, 100);
+  }
 }
 
 TEST(Expanded, TreesSwingAsExactPosesDo) { ExpectSwingAsExact({}); }
@@ -67,6 +76,19 @@ TEST(Expanded, LoopsSwingAsExactPosesDo) {
   RandomMechanismOptions options;
   options.rigid_closures = 2;
   ExpectSwingAsExact(options);
+}
+
+// Servos that give no more, with and without loops: force and stiffness follow the length, whose second order loops make.
+TEST(Expanded, ServosAtTheirBoundsSwingAsByExactPoses) {
+  for (const int closures : {0, 2}) {
+    RandomMechanismOptions options;
+    options.rigid_closures = closures;
+    options.bounded_servos = 3;
+    ExpectSwingAsExact(options, [](MechanismDynamics& m, int step) {
+      for (Eigen::Index k = 0; k < m.controls().size(); ++k)
+        m.controls()(k) = 0.3 * std::sin(0.1 * step + static_cast<double>(k));
+    });
+  }
 }
 
 TEST(Expanded, StateThatIsPutBackGivesTheSameBits) {

@@ -31,7 +31,7 @@ double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
       moment += body.weighed_mass * (c.kinematics.X_RB[std::size_t(b)] * body.inertia_B.center);
   }
   const RigidTransform& X_WR = state.reduced.X_WR;
-  double energy = SpringEnergy(m, c.kinematics, c.q) - EnergyBeyondBounds(here) -
+  double energy = SpringEnergy(m, c.kinematics, c.q) - EnergyBeyondBounds(here, c) -
                   gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];

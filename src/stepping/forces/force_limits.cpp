@@ -288,13 +288,15 @@ double Beyond(const Mechanism::ForceLimit& limit, double f, double F, double len
 
 }  // namespace
 
-double EnergyBeyondBounds(const MechanismView& here) {
+double EnergyBeyondBounds(const MechanismView& here, const Configuration& at) {
   const auto& [model, state, ws] = here;
   double energy = 0;
   for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
     if (!model.mechanism().HasPotential(limit.length)) continue;
-    const double f = UnboundedForce(here, limit), F = std::min(std::max(f, limit.lower), limit.upper);
-    if (f != F) energy += Beyond(limit, f, F, Length(here, limit.length));
+    const double length = LengthOf(model.mechanism(), limit.length, at.kinematics, at.q),
+                 f = Dot(limit.inputs, state.controls) + limit.stiffness * (limit.rest - length),
+                 F = std::min(std::max(f, limit.lower), limit.upper);
+    if (f != F) energy += Beyond(limit, f, F, length);
   }
   return energy;
 }

@@ -87,8 +87,8 @@ void AddSwitchedForces(const MechanismStep& here);
 void AddBackSaturatedDampers(const MechanismStep& here, double b, VectorX& rhs);
 /// How far a length goes from the pose at hand to where its force acts, m or rad.
 double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h);
-/// What servos at their bounds hold less than their springs, J.
-double EnergyBeyondBounds(const MechanismView& here);
+/// What servos at their bounds hold less than their springs at a pose, J.
+double EnergyBeyondBounds(const MechanismView& here, const Configuration& at);
 
 // Springs that are slack over a range (slack.cpp).
 void FindSlackSprings(const MechanismStep& here);
