@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "../accuracy/figure.hpp"
+#include "../figure.hpp"
 #include "page.hpp"
 
 namespace fork1s::internal {

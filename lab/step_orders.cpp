@@ -1,4 +1,4 @@
-#include <fork1s/study/step_orders.hpp>
+#include <lab/step_orders.hpp>
 
 #include <cmath>
 #include <filesystem>
@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "runs.hpp"
+#include "study/runs.hpp"
 
 namespace fork1s {
 namespace {

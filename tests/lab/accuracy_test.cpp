@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <stdexcept>
 
 namespace fork1s {

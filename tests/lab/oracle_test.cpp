@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fork1s/study/oracle.hpp>
+#include <lab/oracle.hpp>
 
 namespace fork1s {
 namespace {

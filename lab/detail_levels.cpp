@@ -1,5 +1,5 @@
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/detail_levels.hpp>
+#include <lab/detail_levels.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -11,7 +11,7 @@
 
 #include <fmt/format.h>
 
-#include "runs.hpp"
+#include "study/runs.hpp"
 
 namespace fork1s {
 namespace {

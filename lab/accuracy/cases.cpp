@@ -1,7 +1,7 @@
 // The mechanisms that the accuracy figures are measured on.
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/builder.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <limits>
 #include <numbers>
 #include <random>

@@ -3,8 +3,8 @@
 #pragma once
 
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/study/accuracy.hpp>
 #include <functional>
+#include <lab/accuracy.hpp>
 
 namespace fork1s::internal {
 

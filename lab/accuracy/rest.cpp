@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <numbers>
 
 #include <fmt/format.h>

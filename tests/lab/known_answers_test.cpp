@@ -1,7 +1,7 @@
 // Every known answer of the validation page, by both roads.
 #include <gtest/gtest.h>
 
-#include <fork1s/study/known_answers.hpp>
+#include <lab/known_answers.hpp>
 
 namespace fork1s {
 namespace {

@@ -5,7 +5,7 @@
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/known_answers.hpp>
+#include <lab/known_answers.hpp>
 #include <optional>
 #include <stdexcept>
 

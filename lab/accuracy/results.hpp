@@ -1,7 +1,7 @@
 // All that docs/accuracy.md shows, and its plots and tables.
 #pragma once
 
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <string>
 #include <vector>
 

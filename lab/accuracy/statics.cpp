@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <limits>
 #include <numbers>
 

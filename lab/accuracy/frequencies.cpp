@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/reduction/frequencies.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 
 namespace fork1s {
 

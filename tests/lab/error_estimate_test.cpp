@@ -5,7 +5,7 @@
 #include <fork1s/diagnostics/error_estimate.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <mechanisms.hpp>
 #include <numbers>
 #include <random_mechanism.hpp>

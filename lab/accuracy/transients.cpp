@@ -1,7 +1,7 @@
 #include <cmath>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 
-#include "../runs.hpp"
+#include "study/runs.hpp"
 
 namespace fork1s {
 namespace {

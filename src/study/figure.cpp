@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "../svg_plot.hpp"
+#include "svg_plot.hpp"
 
 namespace fork1s::internal {
 namespace {

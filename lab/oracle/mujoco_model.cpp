@@ -9,7 +9,7 @@
 #include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
-#include "../mujoco_handles.hpp"
+#include "study/mujoco_handles.hpp"
 
 namespace fork1s::internal {
 namespace {

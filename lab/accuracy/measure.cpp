@@ -1,6 +1,6 @@
 #include <filesystem>
-#include <fork1s/study/accuracy.hpp>
 #include <fstream>
+#include <lab/accuracy.hpp>
 #include <utility>
 
 #include "results.hpp"

@@ -2,7 +2,7 @@
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <numbers>
 
 namespace fork1s {

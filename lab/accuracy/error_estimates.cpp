@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/diagnostics/error_estimate.hpp>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 
-#include "../runs.hpp"
+#include "study/runs.hpp"
 
 namespace fork1s {
 namespace {

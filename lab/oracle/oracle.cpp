@@ -6,8 +6,8 @@
 #include <fork1s/linalg/products.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
-#include <fork1s/study/oracle.hpp>
 #include <fstream>
+#include <lab/oracle.hpp>
 #include <numbers>
 
 #include <fmt/format.h>

@@ -6,8 +6,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "figure.hpp"
 #include "results.hpp"
+#include "study/figure.hpp"
 
 namespace fork1s::internal {
 namespace {

@@ -1,7 +1,7 @@
 // One function a case, each in the file of its name.
 #pragma once
 
-#include <fork1s/study/known_answers.hpp>
+#include <lab/known_answers.hpp>
 
 namespace fork1s::internal {
 
