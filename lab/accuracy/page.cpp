@@ -42,7 +42,7 @@ the same mechanism in full coordinates, how well a run knows its own error, and 
     build/release/benchmarks/accuracy --out docs
 
 Errors are shares of the motion, in percent; `docs/compare.md` says how to measure a model of your own. The full numbers are
-in `docs/accuracy/*.csv`, where 0 stands for less than 1e-9 %. Key claims are held by `tests/study/accuracy_test.cpp`.
+in `docs/accuracy/*.csv`, where 0 stands for less than 1e-9 %. Key claims are held by `tests/lab/accuracy_test.cpp`.
 )";
 
 constexpr const char* kRests = R"(
@@ -109,7 +109,7 @@ std::string RestsSection(const AccuracyResults& r) {
   out += fmt::format(R"(
 The largest error at an interface is {} % of its motion, the largest inside {:.1e} of the size; asked for were 0.1 % and 1e-3. What is missed stays below the 1e-3 rad in a joint at which a load
 asks for a new reference ([method.md](method.md), Relinearization). The most references, {}, were made by the {} under {}.
-`tests/study/accuracy_test.cpp` holds this on the firemen and a random tree.
+`tests/lab/accuracy_test.cpp` holds this on the firemen and a random tree.
 )",
                      Percent(worst_interface), worst_inside, most_refreshes,
                      of_refreshes ? of_refreshes->name : "", of_refreshes ? Name(of_refreshes->load) : "");

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/study/peer_table.hpp>
-#include <fork1s/study/scene_table.hpp>
+#include <fork1s/study/peers.hpp>
+#include <fork1s/study/stability.hpp>
 #include <functional>
 #include <optional>
 #include <string>

@@ -1,4 +1,4 @@
-#include <fork1s/study/peer_table.hpp>
+#include <fork1s/study/peers.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -23,25 +23,6 @@ struct Entrant {
   Run run;                                  // of the last round
   std::vector<std::vector<double>> step_s;  // of every round
 };
-
-// Those of docs/peers.md.
-std::vector<PeerEntrant> UsualEntrants(int fine) {
-  using enum MuJoCoIntegrator;
-  PeerEntrant euler{"fork1s euler"};
-  euler.own_integrator = Integrator::kEuler;
-  std::vector<PeerEntrant> entrants{{"fork1s"},
-                                    euler,
-                                    {"MuJoCo Euler", true, kEuler},
-                                    {"MuJoCo implicitfast", true, kImplicitFast},
-                                    {"MuJoCo discrete", true, kDiscrete},
-                                    {"MuJoCo discrete, tuned", true, kDiscrete, true}};
-  if (fine > 1) {
-    entrants.push_back({"fork1s", false, kOfFile, false, fine});
-    entrants.push_back({"MuJoCo Euler", true, kEuler, false, fine});
-    entrants.push_back({"MuJoCo Euler, tuned", true, kEuler, true, fine});
-  }
-  return entrants;
-}
 
 Run RunOf(const PeerMotion& motion) {
   Run run;
@@ -93,19 +74,12 @@ void SetLoops(const Run& run, PeerRow& row) {
   }
 }
 
-// Three digits, without exponents down to a thousandth.
-std::string PeerDigits(double x) {
-  if (x > 0 && x < 1e-3) return fmt::format("{:.0e}", x);
-  const int places = x > 0 ? std::clamp(2 - static_cast<int>(std::floor(std::log10(x))), 0, 4) : 0;
-  return fmt::format("{:.{}f}", x, places);
-}
-
 }  // namespace
 
 Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
   FORK1S_REQUIRE(options.dt > 0 && options.time > 0 && options.rounds > 0);
-  FORK1S_REQUIRE(options.truth_substeps >= 2 && options.truth_substeps % 2 == 0 &&
-                 options.fine_substeps >= 1);
+  FORK1S_REQUIRE(options.truth_substeps >= 2 && options.truth_substeps % 2 == 0);
+  FORK1S_REQUIRE(!options.entrants.empty());
   ImportOptions import;
   import.keyframe = options.keyframe;
   auto imported = LoadMechanism(options.model_path, import);
@@ -125,9 +99,7 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
   const bool has_loops = std::any_of(scene.mechanisms.begin(), scene.mechanisms.end(),
                                      [](const MechanismDef& m) { return !m.closures.empty(); });
   std::vector<Entrant> entrants;
-  for (const PeerEntrant& what :
-       options.entrants.empty() ? UsualEntrants(options.fine_substeps) : options.entrants)
-    entrants.push_back({what, {}, {}, {}});
+  for (const PeerEntrant& what : options.entrants) entrants.push_back({what, {}, {}, {}});
   std::vector<std::string> names;
   for (const TrackedBody& b : tracked) names.push_back(b.name);
   const auto simulate = [&](const PeerEntrant& what) -> Expected<Run> {
@@ -165,7 +137,7 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
       if (round > 0 && (e.what.substeps > 1 || !e.row.survived)) continue;  // a fine run has steps enough
       auto run = simulate(e.what);
       book(e.what.substeps);
-      const bool may_end = e.what.outside || (e.what.is_mujoco && !options.entrants.empty());
+      const bool may_end = e.what.outside || e.what.is_mujoco;
       if (!run && run.error().code != ErrorCode::kNumerics && !may_end) return tl::unexpected(run.error());
       e.row.survived = run.has_value();
       if (!run) {
@@ -211,48 +183,6 @@ Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options) {
   for (PeerRow& row : rows)
     if (rows.front().step_us > 0) row.step_ratio = row.step_us / rows.front().step_us;
   return rows;
-}
-
-std::string PeerTableCsv(const std::vector<PeerRow>& rows) {
-  std::string out =
-      "scene,simulator,dt_s,simulated_s,survived,rms_mm,max_mm,step_us,step_ratio,loop_gap_mm,loop_turn_"
-      "deg\n";
-  for (const PeerRow& r : rows) {
-    out += fmt::format("{},\"{}\",{:.6g},{:.6g},{}", r.scene, r.simulator, r.dt_s, r.time_s,
-                       r.survived ? "yes" : "no");
-    // What was not measured stays empty.
-    out += r.survived
-               ? fmt::format(",{:.4g},{:.4g},{:.4g},{:.4g}", r.rms_mm, r.max_mm, r.step_us, r.step_ratio)
-               : ",,,,";
-    out += r.survived && r.has_loops ? fmt::format(",{:.3g},", r.loop_gap_mm) : ",,";
-    if (r.survived && r.has_loops && !r.simulator.starts_with("full"))
-      out += fmt::format("{:.3g}", r.loop_turn_deg);
-    out += "\n";
-  }
-  return out;
-}
-
-std::string PeerTableMarkdown(const std::vector<PeerRow>& rows) {
-  std::string out =
-      "| scene, simulated | simulator | step [s] | error, RMS and max [mm] | us a step | over fork1s | loops "
-      "open by [mm], turned by [degrees] |\n|---|---|---|---|---|---|---|\n";
-  std::string before;
-  for (const PeerRow& r : rows) {
-    const std::string scene = fmt::format("{}, {:.3g} s", r.scene, r.time_s);
-    out += fmt::format("| {} | {} | 1/{:.0f} | ", scene == before ? "" : scene, r.simulator, 1 / r.dt_s);
-    before = scene;
-    if (!r.survived) {
-      out += r.end + " | - | - | - |\n";
-      continue;
-    }
-    out += fmt::format("{}, {} | {} | {} | ", PeerDigits(r.rms_mm), PeerDigits(r.max_mm),
-                       PeerDigits(r.step_us), PeerDigits(r.step_ratio));
-    out += !r.has_loops ? "none |\n"
-           : r.simulator.starts_with("full")
-               ? PeerDigits(r.loop_gap_mm) + " |\n"
-               : fmt::format("{}, {} |\n", PeerDigits(r.loop_gap_mm), PeerDigits(r.loop_turn_deg));
-  }
-  return out;
 }
 
 }  // namespace fork1s

@@ -1,5 +1,5 @@
 // The scene table: three simulators on one scene, and the page it goes into.
-#include <fork1s/study/scene_table.hpp>
+#include <lab/scene_table.hpp>
 
 #include <gtest/gtest.h>
 
@@ -74,23 +74,6 @@ TEST(SceneTable, PagesWithoutMarkersStayAsTheyAre) {
 
 TEST(SceneTable, MissingScenesAreErrors) {
   EXPECT_FALSE(MeasureScene(FORK1S_SOURCE_DIR "/scenes", "no_such_scene", 0.1));
-}
-
-TEST(SceneTable, StiffnessLimitsStepsThatTakeSpringsAtTheirStart) {
-  // Implicit steps are stable at any stiffness.
-  const auto rows = MeasureStability(FORK1S_SOURCE_DIR "/scenes/hexapod.xml", {}, 0.2, {1, 1000});
-  ASSERT_TRUE(rows) << rows.error().Text();
-  ASSERT_EQ(rows->size(), 8u);
-  const auto at = [&](const char* simulator, double scale) {
-    for (const StabilityRow& r : *rows)
-      if (r.simulator == simulator && r.stiffness_scale == scale) return r.largest_stable_dt_s;
-    return -1.0;
-  };
-  for (const char* simulator : {"fork1s", "fork1s euler"}) {
-    EXPECT_DOUBLE_EQ(at(simulator, 1), 1.0 / 60) << simulator;
-    EXPECT_DOUBLE_EQ(at(simulator, 1000), 1.0 / 60) << simulator;
-  }
-  EXPECT_LT(at("MuJoCo implicitfast", 1000), 1.0 / 60);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // The peer table: fork1s and MuJoCo's integrators against the converged full model.
-#include <fork1s/study/peer_table.hpp>
+#include <lab/peer_table.hpp>
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ TEST(PeerTable, EverySimulatorAgainstTheConvergedRun) {
   options.time = 0.2;
   options.dt = 1.0 / 240;
   options.truth_substeps = 16;
-  options.fine_substeps = 16;
+  options.entrants = PeerTableEntrants(16);
   options.rounds = 2;
   const auto rows = MeasurePeers(options);
   ASSERT_TRUE(rows) << rows.error().Text();
@@ -69,6 +69,7 @@ TEST(PeerTable, SaysWhereARunEnded) {
 
 TEST(PeerTable, RefusesWhatItCannotRun) {
   PeerOptions options;
+  options.entrants = PeerTableEntrants();
   options.model_path = FORK1S_SOURCE_DIR "/scenes/no_such_scene.xml";
   EXPECT_FALSE(MeasurePeers(options));
   options.model_path = FORK1S_SOURCE_DIR "/scenes/two_link_arm.xml";

@@ -1,4 +1,4 @@
-#include <fork1s/study/scene_table.hpp>
+#include <lab/scene_table.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@
 
 #include <fmt/format.h>
 
-#include "stability.hpp"
+#include "study/stability.hpp"
 
 namespace fork1s {
 namespace {

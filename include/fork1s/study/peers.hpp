@@ -41,9 +41,8 @@ struct PeerOptions {
   double time = 1;          // s
   double dt = 1.0 / 60;     // s, of the runs that are compared
   int truth_substeps = 64;  // the full model's finest step is dt over this; the next to it is twice as long
-  int fine_substeps = 64;   // further rows at dt over this, where the time step hardly counts
   int rounds = 5;           // every run is repeated as often, in turn, so that all meet the same other load
-  std::vector<PeerEntrant> entrants;     // the first is what ratios are over; empty: as MeasurePeers says
+  std::vector<PeerEntrant> entrants;     // at least one; the first is what ratios are over
   std::function<void(double)> progress;  // called with the share of the runs that are done
 };
 
@@ -70,16 +69,10 @@ struct PeerRow {
   double loop_turn_deg = 0;  // and turn of one that should not turn; not measured in the full model
 };
 
-/// Rows in the order of the entrants, and the full model at dt, by two stages and by backward Euler, behind
-/// those that step by dt. Without entrants: rows at dt of fork1s by two stages and by backward Euler,
-/// MuJoCo's three integrators, `discrete` tuned (loops with a time constant of 2 ms, elliptic friction cones,
-/// impratio 10), the full model. At the fine step: fork1s, MuJoCo Euler, and that tuned. Last the full model
-/// at twice its finest step, whose error says how far the truth is to be trusted. Where entrants are given,
-/// one that MuJoCo refuses has a row that says so; else it is an error. Errors: as of LoadMechanism,
+/// Rows in the order of the entrants. Behind those that step by dt: the full model at dt, by two stages and by
+/// backward Euler. Last: the full model at twice its finest step, whose error says how far the truth is to be
+/// trusted. An entrant that MuJoCo refuses has a row that says so. Errors: as of LoadMechanism,
 /// Simulation::Create and FullSimulation::Create; kModel for an unknown control.
 Expected<std::vector<PeerRow>> MeasurePeers(const PeerOptions& options);
-
-std::string PeerTableCsv(const std::vector<PeerRow>& rows);
-std::string PeerTableMarkdown(const std::vector<PeerRow>& rows);
 
 }  // namespace fork1s
