@@ -139,6 +139,16 @@ std::vector<std::string> LabelsOf(const Figure& figure) {
 
 }  // namespace
 
+std::vector<std::pair<double, std::string>> DecadeTicks(double low, double high) {
+  std::vector<std::pair<double, std::string>> ticks;
+  const int first = static_cast<int>(std::floor(std::log10(low)));
+  const int last = std::max(first + 1, static_cast<int>(std::ceil(std::log10(high))));
+  for (int d = first; d <= last; ++d)
+    ticks.emplace_back(std::pow(10.0, d),
+                       d < -3 || d > 3 ? fmt::format("1e{}", d) : fmt::format("{:g}", std::pow(10.0, d)));
+  return ticks;
+}
+
 std::string DrawFigure(const Figure& figure) {
   const int panels = static_cast<int>(figure.panels.size());
   const int columns = panels == 4 ? 2 : std::min(panels, 3), rows = (panels + columns - 1) / columns;

@@ -28,6 +28,9 @@ struct Figure {
   std::vector<FigurePanel> panels;
 };
 
+/// For Figure::x_ticks: the decades that hold all values from `low` to `high`, both above 0; one decade at least.
+std::vector<std::pair<double, std::string>> DecadeTicks(double low, double high);
+
 /// The whole file. Values below the axis stand on its lower edge with a hollow marker, a line ends where it
 /// leaves above; what is not finite is left out.
 std::string DrawFigure(const Figure& figure);

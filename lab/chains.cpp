@@ -1,19 +1,10 @@
-#include "chain.hpp"
+#include "chains.hpp"
 
-#include <malloc.h>
-
-#include <chrono>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/mechanism/builder.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
-#include <fork1s/recovery/recover.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/bench.hpp>
 
 #include <fmt/format.h>
 
-namespace fork1s {
-namespace internal {
+namespace fork1s::internal {
 
 std::shared_ptr<const Mechanism> MakeChain(int joints, int interfaces) {
   MechanismBuilder builder("chain");
@@ -65,67 +56,4 @@ std::shared_ptr<const Mechanism> MakeFourBars(int count) {
   return std::make_shared<const Mechanism>(std::move(builder.Build().value()));
 }
 
-}  // namespace internal
-
-namespace {
-
-// Bytes in use, large blocks included.
-std::size_t HeapBytes() {
-  const struct mallinfo2 info = mallinfo2();
-  return info.uordblks + info.hblkhd;
-}
-
-template <class Work>
-double MicrosecondsOf(Work work) {
-  const auto start = std::chrono::steady_clock::now();
-  work();
-  return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count();
-}
-
-Expected<ChainCost> MeasureOnOneThread(int joints) {
-  const auto mechanism = internal::MakeChain(joints);
-  const VectorX q = VectorX::Zero(joints);
-  ChainCost cost;
-  cost.joints = joints;
-  std::vector<double> reduce_us;
-  for (int i = 0; i < 9; ++i) {
-    Error error;
-    reduce_us.push_back(MicrosecondsOf([&] {
-      if (auto model = Reduce(mechanism, q); !model) error = model.error();
-    }));
-    if (!error.message.empty()) return tl::unexpected(error);
-  }
-  cost.reduce_ms = 1e-3 * Median(reduce_us);
-  const std::size_t before = HeapBytes();
-  auto dynamics = MechanismDynamics::Create(mechanism, q, VectorX(), RigidTransform(), Vector6::Zero(), {});
-  if (!dynamics) return tl::unexpected(dynamics.error());
-  cost.heap_MB = 1e-6 * static_cast<double>(HeapBytes() - before);
-  std::vector<double> steps_us;
-  constexpr double kStep = 1.0 / 60;
-  for (int i = 0; i < 300; ++i)
-    steps_us.push_back(MicrosecondsOf([&] {  // backward Euler by one Newton iteration
-      BeginStep(*dynamics, kStep, kStep, Vector3(0, 0, -0.1));
-      MoveToStagePose(*dynamics, kStep, kStep);
-      SolveFreeStage(*dynamics, kStep);
-      AcceptStage(*dynamics, kStep, kStep, true);
-      EndStep(*dynamics, 0);
-    }));
-  cost.step_us = Median(steps_us);
-  std::vector<double> refresh_us;
-  for (int i = 0; i < 9; ++i) refresh_us.push_back(MicrosecondsOf([&] { dynamics->Refresh(); }));
-  cost.refresh_ms = 1e-3 * Median(refresh_us);
-  return cost;
-}
-
-}  // namespace
-
-// A second thread that waits for its core would be most of what is measured on a machine that does other
-// work.
-Expected<ChainCost> MeasureChain(int joints) {
-  FORK1S_REQUIRE(joints > 0);
-  Expected<ChainCost> cost;
-  WithThreads(1, [&] { cost = MeasureOnOneThread(joints); });
-  return cost;
-}
-
-}  // namespace fork1s
+}  // namespace fork1s::internal

@@ -1,8 +1,8 @@
-// What the machine does at most, by two kernels.
+#include <lab/ceilings.hpp>
+
 #include <algorithm>
 #include <chrono>
 #include <fork1s/parallel/parallel_for.hpp>
-#include <fork1s/study/bench.hpp>
 #include <numeric>
 
 #include "fused_sums.hpp"

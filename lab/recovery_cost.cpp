@@ -1,5 +1,5 @@
-// Poses of all bodies from the reduced state: nanoseconds a body, and how near that is to what the machine
-// can.
+#include <lab/recovery_cost.hpp>
+
 #include <algorithm>
 #include <chrono>
 #include <fork1s/base/percentile.hpp>
@@ -7,9 +7,11 @@
 #include <fork1s/recovery/pose_arrays.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
-#include <fork1s/study/bench.hpp>
 
-#include "chain.hpp"
+#include <fmt/format.h>
+
+#include "ceilings.hpp"
+#include "chains.hpp"
 
 namespace fork1s {
 namespace {
@@ -160,6 +162,16 @@ Expected<std::vector<RecoveryCost>> MeasureRecovery(const std::vector<int>& bodi
         return tl::unexpected(done.error());
   constexpr int kFourBars = 32;
   if (auto done = MeasureLoopRecovery(kFourBars, out); !done) return tl::unexpected(done.error());
+  return out;
+}
+
+std::string RecoveryCsv(const std::vector<RecoveryCost>& rows) {
+  std::string out =
+      "mechanism,mode,type,interfaces,coordinates,bodies,threads,ns_per_body,percent_of_ceiling,bound\n";
+  for (const RecoveryCost& r : rows)
+    out += fmt::format("{},\"{}\",{},{},{},{},{},{:.4g},{},{}\n", r.mechanism, r.mode, r.type, r.interfaces,
+                       r.coordinates, r.bodies, r.threads, r.ns_per_body,
+                       r.percent_of_ceiling ? fmt::format("{:.4g}", *r.percent_of_ceiling) : "", r.bound);
   return out;
 }
 

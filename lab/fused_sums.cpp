@@ -5,7 +5,7 @@
 #include <cstddef>
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "study/bench/fused_sums.cpp"
+#define HWY_TARGET_INCLUDE "lab/fused_sums.cpp"
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
