@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include <cstring>
-#include <fork1s/study/accuracy.hpp>
+#include <lab/accuracy.hpp>
 #include <string>
 
 #include "benchmarks.hpp"

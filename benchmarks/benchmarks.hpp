@@ -38,6 +38,9 @@ int Main(int argc, char** argv);
 namespace fork1s::benchmarks::peer_table {
 int Main(int argc, char** argv);
 }
+namespace fork1s::benchmarks::recovery_cost {
+int Main(int argc, char** argv);
+}
 namespace fork1s::benchmarks::refresh_cost {
 int Main(int argc, char** argv);
 }

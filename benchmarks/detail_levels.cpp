@@ -7,9 +7,9 @@
 // A minute on an idle core. Times vary by machine; all levels of a scene are timed in one process.
 #include <fmt/format.h>
 
-#include <fork1s/study/detail_levels.hpp>
-#include <fork1s/study/scene_table.hpp>
 #include <fstream>
+#include <lab/detail_levels.hpp>
+#include <lab/scene_table.hpp>
 
 #include "benchmarks.hpp"
 

@@ -12,8 +12,8 @@
 #include <fork1s/record/recording.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/study/compare.hpp>
-#include <fork1s/study/scene_table.hpp>
 #include <fstream>
+#include <lab/scene_table.hpp>
 #include <optional>
 
 #include "benchmarks.hpp"

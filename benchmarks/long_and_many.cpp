@@ -17,9 +17,9 @@
 #include <fork1s/record/recording.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/scene_table.hpp>
 #include <fork1s/world/step_times.hpp>
 #include <fstream>
+#include <lab/scene_table.hpp>
 #include <many_hands.hpp>
 #include <optional>
 

@@ -12,10 +12,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
-#include <fork1s/study/peer_table.hpp>
-#include <fork1s/study/scene_table.hpp>
 #include <fstream>
 #include <hand_scenario.hpp>
+#include <lab/peer_table.hpp>
+#include <lab/scene_table.hpp>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -107,6 +107,7 @@ int Main(int argc, char** argv) {
     options.keyframe = c.keyframe;
     options.time = c.time;
     options.truth_substeps = c.truth_substeps;
+    options.entrants = PeerTableEntrants();
     const std::string table = source + "/scenes/" + c.model + ".csv";
     if (std::string(c.scene) == "hand" || std::filesystem::exists(table)) {
       auto controls =

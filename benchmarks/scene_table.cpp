@@ -6,8 +6,8 @@
 // prints their lines and writes nothing. Times vary by machine; ratios come from one process.
 #include <fmt/format.h>
 
-#include <fork1s/study/scene_table.hpp>
 #include <fstream>
+#include <lab/scene_table.hpp>
 #include <string>
 #include <vector>
 

@@ -6,7 +6,7 @@
 // Some minutes; the truth is a run at 1/1920 s.
 #include <fmt/format.h>
 
-#include <fork1s/study/step_orders.hpp>
+#include <lab/step_orders.hpp>
 #include <string>
 #include <vector>
 

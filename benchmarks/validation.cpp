@@ -9,10 +9,10 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <fork1s/study/known_answers.hpp>
-#include <fork1s/study/oracle.hpp>
 #include <fstream>
 #include <iterator>
+#include <lab/known_answers.hpp>
+#include <lab/oracle.hpp>
 #include <map>
 #include <string>
 #include <vector>
@@ -64,7 +64,7 @@ std::string Introduction() {
          "table MuJoCo.\n\n"
          "`build/release/benchmarks/validation --oracle DIR --out docs/validation.md` writes this page. The "
          "test\n"
-         "`study` asks the same questions, the long runs with longer steps and wider tolerances.\n\n"
+         "`lab` asks the same questions, the long runs with longer steps and wider tolerances.\n\n"
          "Both simulators take steps of backward Euler, which is of first order: its error at a step h is\n"
          "proportional to h. Where more digits are published than one run can reach, runs at h, h/2, h/4 and "
          "h/8\n"

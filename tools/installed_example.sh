@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # What the README says to somebody who writes C++: installs a build, makes programs of the examples that lie there with
-# find_package(fork1s) and nothing else, and runs them.
+# find_package(fork1s) and nothing else, and runs them. Nothing of lab/ may be installed.
 #
 #     tools/installed_example.sh [BUILD]      default: build/release
 set -euo pipefail
@@ -9,6 +9,12 @@ build=$(realpath "${1:-build/release}")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cmake --install "$build" --prefix "$work/installed" >"$work/install.log" || { cat "$work/install.log" >&2; exit 1; }
+mapfile -t headers < <(find lab -name '*.hpp' -printf '-o\n-name\n%f\n')
+if find "$work/installed" -name '*fork1s_lab*' "${headers[@]}" | grep . ||
+  grep -rn 'fork1s::lab\|fork1s_lab' "$work/installed" --include='*.cmake'; then
+  echo "installed_example: these belong to lab/, which is for measurements of the project alone; install none of it" >&2
+  exit 1
+fi
 cp -r "$work/installed/share/fork1s/examples" "$work/app"
 # Without optimisation: what is long about them is compiling.
 if ! { cmake -S "$work/app" -B "$work/app/build" -DCMAKE_PREFIX_PATH="$work/installed" &&

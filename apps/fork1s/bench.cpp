@@ -70,17 +70,6 @@ Expected<void> MeasureParts(const std::vector<BenchModel>& models, const BenchAr
       if (!stability) return tl::unexpected(stability.error());
       results.stability.push_back(std::move(*stability));
     }
-  if (args.Wants("recovery")) {
-    auto recovery = MeasureRecovery({100, 1000, 10000});
-    if (!recovery) return tl::unexpected(recovery.error());
-    results.recovery = std::move(*recovery);
-  }
-  if (args.Wants("chains"))
-    for (const int joints : {100, 200, 500, 1000, 2000, 5000}) {
-      auto chain = MeasureChain(joints);
-      if (!chain) return tl::unexpected(chain.error());
-      results.chains.push_back(*chain);
-    }
   return {};
 }
 
@@ -216,13 +205,14 @@ void AddBench(CLI::App& app, Action& action) {
       ->delimiter(',')
       ->check(OneOf({"mujoco", "drake", "dart", "bullet", "none"}));
   command
-      ->add_option("--only", args->only,
-                   "parts to measure: scenes, precision (scenes at shorter steps too), many (64 of each "
-                   "scene at a time), "
-                   "stability (largest stable step against stiffness), recovery (poses of all bodies), "
-                   "chains (by number of joints); default: scenes where a model is named, else all")
+      ->add_option(
+          "--only", args->only,
+          "parts to measure: scenes, precision (scenes at shorter steps too), many (64 of each "
+          "scene at a time), "
+          "stability (largest stable step against stiffness); default: scenes where a model is named, "
+          "else all")
       ->delimiter(',')
-      ->check(OneOf({"scenes", "precision", "many", "stability", "recovery", "chains"}));
+      ->check(OneOf({"scenes", "precision", "many", "stability"}));
   command->add_option("--time", args->time, "seconds to simulate (default 1)")->check(PositiveUpTo(1e4));
   command->add_option("--dt", args->dt, "time step in s (default: each scene's)")
       ->check(PositiveUpTo(kMostStep));

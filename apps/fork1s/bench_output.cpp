@@ -66,26 +66,6 @@ Json SceneJson(const BenchScene& s, const std::string& controls) {
 }
 
 Json PartsJson(const BenchResults& results, Json out) {
-  out["recovery"] = Json::array();
-  for (const RecoveryCost& r : results.recovery)
-    out["recovery"].push_back(
-        {{"mechanism", r.mechanism},
-         {"mode", r.mode},
-         {"type", r.type},
-         {"interfaces", r.interfaces},
-         {"coordinates", r.coordinates},
-         {"bodies", r.bodies},
-         {"threads", r.threads},
-         {"ns_per_body", Number(r.ns_per_body)},
-         {"percent_of_ceiling", Number(r.percent_of_ceiling.value_or(0), r.percent_of_ceiling.has_value())},
-         {"ceiling", r.bound.empty() ? Json(nullptr) : Json(r.bound)}});
-  out["chains"] = Json::array();
-  for (const ChainCost& c : results.chains)
-    out["chains"].push_back({{"joints", c.joints},
-                             {"reduce_ms", c.reduce_ms},
-                             {"refresh_ms", c.refresh_ms},
-                             {"step_us", c.step_us},
-                             {"heap_MB", c.heap_MB}});
   out["many"] = Json::array();
   for (const ManyCost& m : results.many)
     out["many"].push_back(
@@ -128,13 +108,6 @@ void PrintScene(const BenchScene& s) {
 }
 
 void PrintParts(const BenchResults& results) {
-  if (!results.recovery.empty())
-    PrintText("poses of all bodies\n  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10} {:>26}\n", "", "", "",
-              "interfaces", "bodies", "threads", "ns a body", "of what the machine can");
-  for (const RecoveryCost& r : results.recovery)
-    PrintText("  {:<10} {:<27} {:<3} {:>10} {:>8} {:>8} {:>10.1f} {:>26}\n", r.mechanism, r.mode, r.type,
-              r.interfaces, r.bodies, r.threads, r.ns_per_body,
-              r.percent_of_ceiling ? fmt::format("{:.0f} %, {}", *r.percent_of_ceiling, r.bound) : "-");
   for (const BenchStability& s : results.stability) {
     PrintText("largest stable step of {}, stiffness times 1, 10, 100, 1000\n", s.scene);
     for (const StabilityRow& r : s.rows) {
@@ -148,12 +121,6 @@ void PrintParts(const BenchResults& results) {
       PrintText("\n");
     }
   }
-  if (!results.chains.empty())
-    PrintText("chains\n  {:<8} {:>12} {:>14} {:>16} {:>8}\n", "joints", "reducing, ms", "a refresh, ms",
-              "a step, us", "MB");
-  for (const ChainCost& c : results.chains)
-    PrintText("  {:<8} {:>12.3f} {:>14.3f} {:>16.1f} {:>8.2f}\n", c.joints, c.reduce_ms, c.refresh_ms,
-              c.step_us, c.heap_MB);
   if (!results.many.empty()) PrintText("many at a time\n");
   for (const ManyCost& m : results.many)
     PrintText("  {} of {} on {}: {:.2f} us a step of one\n", m.instances, m.scene,

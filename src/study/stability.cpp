@@ -1,7 +1,7 @@
 #include "stability.hpp"
 
 #include <algorithm>
-#include <fork1s/study/scene_table.hpp>
+#include <fork1s/study/stability.hpp>
 
 namespace fork1s {
 namespace internal {

@@ -11,7 +11,7 @@ namespace fork1s::internal {
 inline constexpr double kLargestStep = 1.0 / 60;  // s, which is also the interval between samples
 inline constexpr int kHalvings = 8;               // of the largest step, to 1/15360 s
 
-/// Whether a run keeps to what fork1s/study/scene_table.hpp says of stable ones, beside a reference that is
+/// Whether a run keeps to what fork1s/study/stability.hpp says of stable ones, beside a reference that is
 /// sampled at the same times. Not so where a number is not finite.
 bool IsStable(const Run& run, const Run& reference);
 

@@ -1,8 +1,9 @@
-// Which runs count as stable.
+// Which runs count as stable, and which steps are.
 #include "../../src/study/stability.hpp"
 
 #include <gtest/gtest.h>
 
+#include <fork1s/study/stability.hpp>
 #include <limits>
 
 namespace fork1s::internal {
@@ -71,6 +72,23 @@ TEST(FirstStable, PassesOtherErrorsOn) {
   });
   ASSERT_FALSE(found);
   EXPECT_EQ(found.error().code, ErrorCode::kModel);
+}
+
+TEST(StableStep, StiffnessLimitsStepsThatTakeSpringsAtTheirStart) {
+  // Implicit steps are stable at any stiffness.
+  const auto rows = MeasureStability(FORK1S_SOURCE_DIR "/scenes/hexapod.xml", {}, 0.2, {1, 1000});
+  ASSERT_TRUE(rows) << rows.error().Text();
+  ASSERT_EQ(rows->size(), 8u);
+  const auto at = [&](const char* simulator, double scale) {
+    for (const StabilityRow& r : *rows)
+      if (r.simulator == simulator && r.stiffness_scale == scale) return r.largest_stable_dt_s;
+    return -1.0;
+  };
+  for (const char* simulator : {"fork1s", "fork1s euler"}) {
+    EXPECT_DOUBLE_EQ(at(simulator, 1), 1.0 / 60) << simulator;
+    EXPECT_DOUBLE_EQ(at(simulator, 1000), 1.0 / 60) << simulator;
+  }
+  EXPECT_LT(at("MuJoCo implicitfast", 1000), 1.0 / 60);
 }
 
 }  // namespace

@@ -1,9 +1,9 @@
-// What `fork1s bench` measures: scenes beside other simulators, and the parts of the method by themselves.
+// What `fork1s bench` measures: models beside other simulators.
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/study/peer_table.hpp>
-#include <fork1s/study/scene_table.hpp>
+#include <fork1s/study/peers.hpp>
+#include <fork1s/study/stability.hpp>
 #include <functional>
 #include <optional>
 #include <string>
@@ -73,39 +73,6 @@ struct BenchScene {
 /// Errors: as of MeasurePeers; kFormat for controls that cannot be read.
 Expected<BenchScene> MeasureBench(const BenchOptions& options);
 
-/// Poses of all bodies from the reduced state.
-struct RecoveryCost {
-  std::string mechanism;  // "chain", or "four-bars", which has loops
-  std::string mode;  // "exact", "curved", "twist", "second order"; ", arrays" and ", N states": PoseRecovery
-  std::string type;  // of numbers
-  int interfaces = 0, coordinates = 0, bodies = 0, threads = 1;
-  double ns_per_body = 0;
-  /// Least time that this machine's memory and arithmetic allow a body, as share of what it took. Of twists
-  /// and arrays: of the others nobody counts bytes and operations; of closing loops exactly neither.
-  std::optional<double> percent_of_ceiling;
-  std::string bound;  // "memory" or "arithmetic"
-};
-
-/// What this machine does at most, measured.
-struct Ceilings {
-  double gigabytes_per_s =
-      0;                 // a triad a = b + s c over as many bytes, or reading them, whichever is the more
-  double gigaflops = 0;  // fused products and sums in registers, two operations each
-};
-Ceilings MeasureCeilings(double bytes, int threads, bool single_precision = false);
-
-/// Of chains of as many bodies, at 2 threads too where they are thousands, and of 32 four-bars.
-Expected<std::vector<RecoveryCost>> MeasureRecovery(const std::vector<int>& bodies);
-
-/// A chain of hinges with springs, its last body the interface, on one thread.
-struct ChainCost {
-  int joints = 0;
-  double reduce_ms = 0, refresh_ms = 0;
-  double step_us = 0;  // of backward Euler by one Newton iteration, without contact, with all poses
-  double heap_MB = 0;
-};
-Expected<ChainCost> MeasureChain(int joints);
-
 /// Many simulations of one scene, stepped by a pool of threads.
 struct ManyCost {
   std::string scene;
@@ -125,15 +92,13 @@ Expected<BenchStability> MeasureBenchStability(const BenchOptions& scene);
 struct BenchResults {
   std::string when, machine;  // for the page
   std::vector<BenchScene> scenes;
-  std::vector<RecoveryCost> recovery;
-  std::vector<ChainCost> chains;
   std::vector<ManyCost> many;
   std::vector<BenchStability> stability;
 };
 
-/// bench.csv, bench_phases.csv, bench_recovery.csv, bench_chains.csv, bench_many.csv, those that have rows,
-/// bench_precision.svg and bench_joints.svg, and bench.html, which holds all of it. The folder is made if
-/// need be. Errors: kFile.
+/// bench.csv, bench_phases.csv, bench_many.csv, bench_stability.csv, those that have rows, bench_precision.svg
+/// and bench_stability.svg, and bench.html, which holds all of it. The folder is made if need be. Errors:
+/// kFile.
 Expected<void> WriteBench(const BenchResults& results, const std::string& folder);
 
 }  // namespace fork1s

@@ -5,22 +5,11 @@
 
 #include <fmt/format.h>
 
-#include "../accuracy/figure.hpp"
+#include "../figure.hpp"
 #include "page.hpp"
 
 namespace fork1s::internal {
 namespace {
-
-// Ticks at the decades that hold all values.
-std::vector<std::pair<double, std::string>> Decades(double low, double high) {
-  std::vector<std::pair<double, std::string>> ticks;
-  const int first = static_cast<int>(std::floor(std::log10(low)));
-  const int last = std::max(first + 1, static_cast<int>(std::ceil(std::log10(high))));
-  for (int d = first; d <= last; ++d)
-    ticks.emplace_back(std::pow(10.0, d),
-                       d < -3 || d > 3 ? fmt::format("1e{}", d) : fmt::format("{:g}", std::pow(10.0, d)));
-  return ticks;
-}
 
 struct Range {
   double low = std::numeric_limits<double>::infinity(), high = 0;
@@ -62,7 +51,7 @@ std::string DrawPrecision(const BenchResults& results) {
     if (!panel.series.empty()) f.panels.push_back(std::move(panel));
   }
   if (cost.empty() || error.empty()) return "";
-  f.x_ticks = Decades(cost.low, cost.high);
+  f.x_ticks = DecadeTicks(cost.low, cost.high);
   // What is off by ten times its way, or moves by itself where all should rest, need not be told apart.
   constexpr double kLost = 3;
   f.low_decade = static_cast<int>(std::floor(std::log10(error.low)));
@@ -77,7 +66,7 @@ std::string DrawStability(const BenchResults& results) {
   f.title = "Largest stable step, of 1/60 s and its halves, against stiffness";
   f.x_label = "stiffness, times that of the file";
   f.y_label = "largest stable step, s";
-  f.x_ticks = Decades(1, 1000);
+  f.x_ticks = DecadeTicks(1, 1000);
   f.low_decade = -5;
   f.high_decade = -1;
   for (const BenchStability& s : results.stability) {
@@ -92,28 +81,6 @@ std::string DrawStability(const BenchResults& results) {
     }
     f.panels.push_back(std::move(panel));
   }
-  return DrawFigure(f);
-}
-
-std::string DrawChains(const std::vector<ChainCost>& chains) {
-  if (chains.size() < 2) return "";
-  Range range;
-  FigureSeries reduce{"reducing", 0, {}}, refresh{"a refresh", 1, {}}, step{"a step", 2, {}};
-  for (const ChainCost& c : chains) {
-    for (const double ms : {c.reduce_ms, c.refresh_ms, 1e-3 * c.step_us}) range.Include(ms);
-    reduce.points.emplace_back(c.joints, c.reduce_ms);
-    refresh.points.emplace_back(c.joints, c.refresh_ms);
-    step.points.emplace_back(c.joints, 1e-3 * c.step_us);
-  }
-  if (range.empty()) return "";
-  Figure f;
-  f.title = "A chain of hinges, by number of joints";
-  f.x_label = "joints";
-  f.y_label = "ms";
-  f.x_ticks = Decades(chains.front().joints, chains.back().joints);
-  f.low_decade = static_cast<int>(std::floor(std::log10(range.low)));
-  f.high_decade = static_cast<int>(std::ceil(std::log10(range.high)));
-  f.panels = {{"chain", "springs of 100 N m/rad", {reduce, refresh, step}}};
   return DrawFigure(f);
 }
 

@@ -66,26 +66,6 @@ std::string PhasesCsv(const BenchResults& results) {
   return out.empty() ? out : "scene,phase,instructions,median_us,mean_us\n" + out;
 }
 
-std::string RecoveryCsv(const BenchResults& results) {
-  std::string out;
-  for (const RecoveryCost& r : results.recovery)
-    out += fmt::format("{},\"{}\",{},{},{},{},{},{:.4g},{},{}\n", r.mechanism, r.mode, r.type, r.interfaces,
-                       r.coordinates, r.bodies, r.threads, r.ns_per_body,
-                       Measured(r.percent_of_ceiling.value_or(0), r.percent_of_ceiling.has_value()), r.bound);
-  return out.empty() ? out
-                     : "mechanism,mode,type,interfaces,coordinates,bodies,threads,ns_per_body,percent_of_"
-                       "ceiling,bound\n" +
-                           out;
-}
-
-std::string ChainsCsv(const BenchResults& results) {
-  std::string out;
-  for (const ChainCost& c : results.chains)
-    out += fmt::format("{},{:.4g},{:.4g},{:.4g},{:.3f}\n", c.joints, c.reduce_ms, c.refresh_ms, c.step_us,
-                       c.heap_MB);
-  return out.empty() ? out : "joints,reduce_ms,refresh_ms,step_us,heap_MB\n" + out;
-}
-
 std::string ManyCsv(const BenchResults& results) {
   std::string out;
   for (const ManyCost& m : results.many)
@@ -102,25 +82,11 @@ std::string StabilityCsv(const BenchResults& results) {
   return out.empty() ? out : "scene,simulator,stiffness_scale,largest_stable_dt_s\n" + out;
 }
 
-std::string PartTables(const BenchResults& results) {
+std::string ManyTable(const BenchResults& results) {
   std::vector<std::string> rows;
-  for (const RecoveryCost& r : results.recovery)
-    rows.push_back(Cell(r.mechanism) + Cell(r.mode) + Cell(r.type) + Shown(r.interfaces) +
-                   Shown(r.coordinates) + Shown(r.bodies) + Shown(r.threads) + Shown(r.ns_per_body) +
-                   Shown(r.percent_of_ceiling.value_or(0), r.percent_of_ceiling.has_value()) + Cell(r.bound));
-  std::string out = Table("Poses of all bodies",
-                          {"", "", "numbers", "interfaces", "coordinates", "bodies", "threads", "ns a body",
-                           "% of the ceiling", "which is"},
-                          rows);
-  rows.clear();
-  for (const ChainCost& c : results.chains)
-    rows.push_back(Shown(c.joints) + Shown(c.reduce_ms) + Shown(c.refresh_ms) + Shown(c.step_us) +
-                   Shown(c.heap_MB));
-  out += Table("Chains", {"joints", "reducing, ms", "a refresh, ms", "us a step", "MB"}, rows);
-  rows.clear();
   for (const ManyCost& m : results.many)
     rows.push_back(Cell(m.scene) + Shown(m.instances) + Shown(m.threads) + Shown(m.step_us));
-  return out + Table("Many at a time", {"", "instances", "threads", "us a step of one"}, rows);
+  return Table("Many at a time", {"", "instances", "threads", "us a step of one"}, rows);
 }
 
 }  // namespace
@@ -159,8 +125,7 @@ std::string BenchPage(const BenchResults& results) {
       kPageStyle, EscapeHtml(results.when), EscapeHtml(results.machine));
   page += DrawPrecision(results);
   for (const BenchScene& s : results.scenes) page += SceneRows(s);
-  return page + DrawStability(results) + DrawChains(results.chains) + PartTables(results) +
-         "</body></html>\n";
+  return page + DrawStability(results) + ManyTable(results) + "</body></html>\n";
 }
 
 }  // namespace fork1s::internal
@@ -182,13 +147,10 @@ Expected<void> WriteBench(const BenchResults& results, const std::string& folder
   for (const auto& written :
        {results.scenes.empty() ? Expected<void>() : csv("bench.csv", internal::BenchCsv(results)),
         csv("bench_phases.csv", internal::PhasesCsv(results)),
-        csv("bench_recovery.csv", internal::RecoveryCsv(results)),
-        csv("bench_chains.csv", internal::ChainsCsv(results)),
         csv("bench_many.csv", internal::ManyCsv(results)),
         csv("bench_stability.csv", internal::StabilityCsv(results)),
         svg("bench_stability.svg", internal::DrawStability(results)),
         svg("bench_precision.svg", internal::DrawPrecision(results)),
-        svg("bench_joints.svg", internal::DrawChains(results.chains)),
         WriteFile(folder + "/bench.html", kHtmlFile, internal::BenchPage(results))})
     if (!written) return written;
   return {};

@@ -14,7 +14,5 @@ std::string BenchPage(const BenchResults& results);
 std::string DrawPrecision(const BenchResults& results);
 /// A panel a scene: the largest stable step over stiffness.
 std::string DrawStability(const BenchResults& results);
-/// Reduction, refresh and step of a chain over its joints.
-std::string DrawChains(const std::vector<ChainCost>& chains);
 
 }  // namespace fork1s::internal
