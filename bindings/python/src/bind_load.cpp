@@ -63,6 +63,7 @@ ImportOptions ReadOptions(const nb::dict& given) {
   if (!get("base_pose").is_none()) options.base_pose = ReadPose(get("base_pose"), "base_pose");
   options.joint_coordinates =
       ReadAs<std::map<std::string, double>>(get("q"), "q", "a mapping from joint names to numbers");
+  options.keep_start = ReadAs<bool>(get("keep_start"), "keep_start", "True or False");
   options.ground = nb::cast<bool>(get("ground"));
   options.ground_height =
       ReadAs<std::optional<double>>(get("ground_height"), "ground", "True, False or a height");
