@@ -102,9 +102,10 @@ void ListSoftConstraints(Conversion& c) {
         (friction[0] != 0 && is_soft(friction, overrides ? m.opt.o_solimp : m.pair_solimp + mjNIMP * k, 0)))
       pairs.push_back(NameOr(m, m.name_pairadr[k], "pair", k));
   }
-  for (int j = 0; j < m.njnt; ++j)
+  const bool no_limits = m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT);
+  for (int j = 0; j < m.njnt && !no_limits; ++j)
     if (m.jnt_limited[j] && is_soft(m.jnt_solref, m.jnt_solimp, j)) joints.push_back(c.joint_names[j]);
-  for (int t = 0; t < m.ntendon; ++t)
+  for (int t = 0; t < m.ntendon && !no_limits; ++t)
     if (m.tendon_limited[t] && is_soft(m.tendon_solref_lim, m.tendon_solimp_lim, t))
       tendons.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
   for (int e = 0; e < m.neq; ++e)

@@ -106,9 +106,9 @@ std::vector<SchemaElement> SchemaElements() {
   all.push_back({"body",
                  in_world("<body $>" + geom + "<joint name='j'/></body>"),
                  "name=b",
-                 {"axisangle=1 0 0 20", "euler=10 0 0", "gravcomp=1", "name=c", "pos=0 0 1", "quat=1 0 0 1",
-                  "xyaxes=0 1 0 -1 0 0", "zaxis=1 0 0"},
-                 " childclass fuse mocap simple sleep user "});
+                 {"axisangle=1 0 0 20", "euler=10 0 0", "gravcomp=1", "mocap=true", "name=c", "pos=0 0 1",
+                  "quat=1 0 0 1", "xyaxes=0 1 0 -1 0 0", "zaxis=1 0 0"},
+                 " childclass fuse simple sleep user "});
   all.push_back({"body/inertial",
                  in_world("<body name='b'><inertial $/><joint name='j'/></body>"),
                  "mass=1;diaginertia=1 2 3;pos=0 0 0",
@@ -308,11 +308,18 @@ std::vector<SchemaElement> SchemaElements() {
            "");
   actuator("cylinder", "name=a;joint=shoulder;ctrlrange=-1 1",
            {"area=2", "bias=1 -1 -1", "diameter=1", "timeconst=.1"}, "");
-  all.push_back({"keyframe/key",
-                 ArmModel("", "", kActuators + "<keyframe><key $/></keyframe>"),
-                 "name=k",
-                 {"qpos=.1 .1 0 0 1 1 0 0 0", "qvel=1 0 0 0 0 0 0 0", "ctrl=.5 .5", "name=l"},
-                 " act mpos mquat plastic time "});
+  const std::string palm =
+      "<worldbody><body name='palm' mocap='true'><geom size='.05'/><body pos='0 0 .2'><joint name='knuckle'/><geom "
+      "size='.05'/></body></body></worldbody>";
+  all.push_back(
+      {"keyframe/key",
+       ArmModel(palm, "",
+                "<actuator><intvelocity name='s' joint='shoulder' kp='1' actrange='-1 1'/><motor name='m' "
+                "joint='wrist'/></actuator><keyframe><key $/></keyframe>"),
+       "name=k",
+       {"qpos=.1 .1 .1 0 0 1 1 0 0 0", "qvel=1 0 0 0 0 0 0 0 0", "act=.5", "ctrl=0 .5", "mpos=0 0 1",
+        "mquat=1 1 0 0", "name=l"},
+       " plastic time "});
   return all;
 }
 
