@@ -103,12 +103,13 @@ std::vector<SchemaElement> SchemaElements() {
            "</worldbody></mujoco>";
   };
   const std::string geom = "<geom size='.1 .2 .3' type='box' pos='.1 .2 0'/>";
-  all.push_back({"body",
-                 in_world("<body $>" + geom + "<joint name='j'/></body>"),
-                 "name=b",
-                 {"axisangle=1 0 0 20", "euler=10 0 0", "gravcomp=1", "mocap=true", "name=c", "pos=0 0 1",
-                  "quat=1 0 0 1", "xyaxes=0 1 0 -1 0 0", "zaxis=1 0 0"},
-                 " childclass fuse simple sleep user "});
+  all.push_back(
+      {"body",
+       in_world("<body $>" + geom + "<body pos='0 0 1'>" + geom + "<joint name='j'/></body></body>"),
+       "name=b",
+       {"axisangle=1 0 0 20", "euler=10 0 0", "gravcomp=1", "mocap=true", "name=c", "pos=0 0 1",
+        "quat=1 0 0 1", "xyaxes=0 1 0 -1 0 0", "zaxis=1 0 0"},
+       " childclass fuse simple sleep user "});
   all.push_back({"body/inertial",
                  in_world("<body name='b'><inertial $/><joint name='j'/></body>"),
                  "mass=1;diaginertia=1 2 3;pos=0 0 0",
