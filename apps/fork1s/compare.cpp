@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 #include <cmath>
-#include <filesystem>
 #include <fork1s/study/compare.hpp>
 #include <map>
 #include <memory>
@@ -8,13 +7,11 @@
 #include <tuple>
 
 #include "checks.hpp"
-#include "export_model.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "print.hpp"
 #include "progress.hpp"
 #include "run_inputs.hpp"
-#include "temporary_folder.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -164,45 +161,18 @@ Expected<std::vector<std::string>> TakeInputs(const CompareArguments& args, cons
   return limits;
 }
 
-// Whether options change the model that the file has. The interface and modes are of the reduction alone.
-bool IsChanged(const ModelArguments& model) {
-  return !model.base.empty() || !model.pd.empty() || model.stiffness_scale != 1 || !model.base_pose.empty() ||
-         !model.coordinates.empty() || !model.ground.empty();
-}
-
-// Writes the model with its options to the folder, and names that file in its place.
-Expected<void> WriteForMuJoCo(const TemporaryFolder& folder, ModelArguments& model) {
-  if (folder.path.empty())
-    return Fail(
-        ErrorCode::kFile, std::filesystem::temp_directory_path().string(),
-        "cannot hold a temporary folder for the model that MuJoCo is to open; make room there or set TMPDIR");
-  ModelArguments file;
-  file.path = folder.path + "/model.xml";
-  const auto written = WriteModel(model, file.path);
-  if (!written) return tl::unexpected(written.error());
-  file.keyframe = written->start;
-  model = file;
-  return {};
-}
-
 int Run(const CompareArguments& args) {
   const bool json = args.model.json;
   if (auto ok = RefuseInputs(args.report, {args.model.path, args.inputs.controls}); !ok)
     return Report(ok.error(), json);
-  ModelArguments model = args.model;
-  auto imported = model.Load();
+  auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
   if (!json) PrintNotes(imported->report);
   const bool mujoco = args.against == "mujoco";
   const Json notes = NotesJson(imported->report);
-  std::optional<TemporaryFolder> folder;
-  if (mujoco && (imported->report.format == "URDF" || IsChanged(args.model))) {
-    // Both run the same file: the model as it is understood.
-    if (auto written = WriteForMuJoCo(folder.emplace("fork1s-model"), model); !written)
-      return Report(written.error(), json);
-    imported = model.Load();
-    if (!imported) return Report(imported.error(), json);
-  }
+  Expected<SharedModel> model = mujoco ? args.model.ShareWithMuJoCo(std::move(*imported))
+                                       : SharedModel{args.model.path, std::move(*imported), nullptr};
+  if (!model) return Report(model.error(), json);
   CompareOptions options;
   options.against = mujoco ? Against::kMuJoCo : Against::kFull;
   options.time = args.time;
@@ -212,17 +182,17 @@ int Run(const CompareArguments& args) {
   options.full_integrator = args.full_integrator;
   options.refinements = args.refinements;
   options.mujoco_integrator = args.integrator;
-  options.model_path = model.path;
-  const auto limits = TakeInputs(args, *imported, options);
+  options.model_path = model->path;
+  options.model_name = args.model.path;
+  const auto limits = TakeInputs(args, model->imported, options);
   if (!limits) return Report(limits.error(), json);
   Expected<Comparison> comparison = [&] {
     ProgressBar bar("comparing");
     options.progress = [&](double share) { bar.Update(share); };
-    return Compare(*imported, options);
+    return Compare(model->imported, options);
   }();
   if (!comparison) {
     Error error = comparison.error();
-    if (error.where == model.path) error.where = args.model.path;
     if (error.where != args.model.path)
       error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
     return Report(error, json);

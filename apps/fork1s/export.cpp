@@ -10,7 +10,7 @@
 #include <memory>
 
 #include "checks.hpp"
-#include "export_model.hpp"
+#include "model_arguments.hpp"
 #include "output.hpp"
 #include "page.hpp"
 #include "print.hpp"
@@ -124,7 +124,7 @@ int ExportModel(const ExportArguments& args) {
     return refuse({ErrorCode::kUsage, args.model.path,
                    "is a recording, which has no model file to write; give the MJCF or URDF in its place"});
   if (auto ok = RefuseForeignOptions(args, true); !ok) return refuse(ok.error());
-  const auto written = WriteModel(args.model, args.out);
+  const auto written = args.model.WriteMjcf(args.out);
   if (!written) return refuse(written.error());
   if (args.model.json) {
     Json out;

@@ -55,6 +55,9 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     one["couplings"] = def.couplings.size();
     one["controls"] = Json::array();
     for (const auto& c : def.controls) one["controls"].push_back(c.name);
+    if (m.base() == BaseKind::kDriven)
+      for (const char* axis : {".x", ".y", ".z", ".rx", ".ry", ".rz"})
+        one["controls"].push_back(m.body(BodyIndex(0)).name + axis);
     one["interfaces"] = def.interfaces;
     one["interfaces_chosen"] = def.interfaces_chosen;
     one["modes"] = def.modes_by_step ? Json("auto") : Json(def.modes);

@@ -256,13 +256,19 @@ Expected<ImportedScene> ModelArguments::Load() const {
   return loaded;
 }
 
-Expected<MjcfModel> ModelArguments::AsMjcf(const std::string& folder, const std::string& mesh_folder) const {
+Expected<MjcfModel> ModelArguments::WriteMjcf(const std::string& out) const {
   const auto options = Options();
   if (!options) return tl::unexpected(options.error());
-  auto model = ReadAsTyped([&] { return ModelAsMjcf(path, *options, folder, mesh_folder); });
+  auto model = ReadAsTyped([&] { return WriteMjcfFile(path, *options, out); });
   if (!model) return model;
   for (ImportNote& note : model->imported.report.notes) note.where = AsTyped(note.where);
   return model;
+}
+
+Expected<SharedModel> ModelArguments::ShareWithMuJoCo(ImportedScene imported) const {
+  const auto options = Options();
+  if (!options) return tl::unexpected(options.error());
+  return ReadAsTyped([&] { return fork1s::ShareWithMuJoCo(path, *options, std::move(imported)); });
 }
 
 Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {

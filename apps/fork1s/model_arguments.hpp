@@ -2,7 +2,7 @@
 #pragma once
 
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/importer/mjcf.hpp>
+#include <fork1s/study/mjcf_file.hpp>
 #include <fork1s/world/world.hpp>
 #include <optional>
 #include <string>
@@ -33,8 +33,10 @@ struct ModelArguments {
 
   void AddTo(CLI::App& command);
   Expected<ImportedScene> Load() const;
-  /// ModelAsMjcf of the model with these options.
-  Expected<MjcfModel> AsMjcf(const std::string& folder, const std::string& mesh_folder) const;
+  /// WriteMjcfFile of the model with these options.
+  Expected<MjcfModel> WriteMjcf(const std::string& out) const;
+  /// ShareWithMuJoCo of the model with these options.
+  Expected<SharedModel> ShareWithMuJoCo(ImportedScene imported) const;
   Expected<ImportOptions> Options() const;
   /// The words of a command line that AddTo reads as these arguments, the model last.
   std::vector<std::string> Words() const;

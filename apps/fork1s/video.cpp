@@ -15,6 +15,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fork1s/base/system_error.hpp>
+#include <fork1s/base/temporary_folder.hpp>
 #include <fork1s/record/output_file.hpp>
 #include <fork1s/server/launch_file.hpp>
 #include <fork1s/server/live_server.hpp>
@@ -24,7 +25,6 @@
 #include <vector>
 
 #include "progress.hpp"
-#include "temporary_folder.hpp"
 
 namespace fork1s::app {
 namespace {

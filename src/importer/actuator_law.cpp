@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -11,6 +12,7 @@ namespace fork1s::internal {
 namespace {
 
 const mjtNum* Gain(const mjModel& m, int i) { return m.actuator_gainprm + mjNGAIN * i; }
+const mjtNum* Dynamics(const mjModel& m, int i) { return m.actuator_dynprm + mjNDYN * i; }
 const mjtNum* Bias(const mjModel& m, int i) { return m.actuator_biasprm + mjNBIAS * i; }
 
 // What a plugin is called, empty for none.
@@ -134,7 +136,8 @@ void ReadDcMotor(const mjModel& m, LinearActuator& a) {
     AddPidInputs(m, a);
     if (Gain(m, i)[5] != 0) a.left_out.push_back("its integral gain");
   }
-  if (m.actuator_dynprm[mjNDYN * i] > 0) a.left_out.push_back("the inductance of its winding");
+  if (Dynamics(m, i)[0] > 0) a.left_out.push_back("the inductance of its winding");
+  if (Dynamics(m, i)[2] > 0) a.left_out.push_back("the warming of its winding");
   if (Bias(m, i)[0] != 0) a.left_out.push_back("its cogging");
   if (Bias(m, i)[3] != 0) a.left_out.push_back("its LuGre friction");
 }
@@ -144,6 +147,11 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
   a.actuator = i;
   a.name = NameOr(m, m.name_actuatoradr[i], "actuator", i);
   a.length = ActuatorLength(m, d, i);
+  if (m.actuator_delay[i] > 0)
+    a.left_out.push_back(fmt::format("the delay of {:.4g} s of its input", m.actuator_delay[i]));
+  if (std::any_of(m.actuator_dampingpoly + mjNPOLY * i, m.actuator_dampingpoly + mjNPOLY * (i + 1),
+                  [](mjtNum x) { return x != 0; }))
+    a.left_out.push_back("its damping of higher order in speed");
   if (m.actuator_plugin[i] >= 0) {
     ReadPlugin(m, a);
     return a;
@@ -156,7 +164,7 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
   switch (m.actuator_dyntype[i]) {
     case mjDYN_FILTER:
     case mjDYN_FILTEREXACT:
-      a.left_out.push_back(fmt::format("the lag of {:.4g} s of its input", m.actuator_dynprm[mjNDYN * i]));
+      a.left_out.push_back(fmt::format("the lag of {:.4g} s of its input", Dynamics(m, i)[0]));
       break;
     case mjDYN_INTEGRATOR:
       a.left_out.push_back("the integration of its input, which is the set-point itself here,");
@@ -164,8 +172,6 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
     default:
       break;
   }
-  if (m.actuator_delay[i] > 0)
-    a.left_out.push_back(fmt::format("the delay of {:.4g} s of its input", m.actuator_delay[i]));
   if (m.actuator_gaintype[i] == mjGAIN_DCMOTOR) {
     ReadDcMotor(m, a);
   } else if (m.actuator_gaintype[i] == mjGAIN_PID) {

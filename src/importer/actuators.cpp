@@ -23,7 +23,8 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   control.is_setpoint = input.setpoint;
   const int dynamics = m.actuator_dyntype[a.actuator];
   const bool integrates = dynamics == mjDYN_INTEGRATOR;
-  if (integrates ? m.actuator_actlimited[a.actuator] : m.actuator_ctrllimited[input.ctrl]) {
+  const bool clamps = m.actuator_ctrllimited[input.ctrl] && !(m.opt.disableflags & mjDSBL_CLAMPCTRL);
+  if (integrates ? m.actuator_actlimited[a.actuator] : clamps) {
     const mjtNum* range =
         integrates ? m.actuator_actrange + 2 * a.actuator : m.actuator_ctrlrange + 2 * input.ctrl;
     control.lower = range[0];

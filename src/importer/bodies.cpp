@@ -108,8 +108,9 @@ JointDef ConvertJoint(const Conversion& c, int j) {
   const bool limited = m.jnt_limited[j] && !(m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT));
   if (limited && joint.freedoms.size() == 1) {
     const double q0 = m.qpos0[m.jnt_qposadr[j]];
-    joint.freedoms[0].lower = m.jnt_range[2 * j] - q0;
-    joint.freedoms[0].upper = m.jnt_range[2 * j + 1] - q0;
+    const auto [lower, upper] = LimitedRange(m.jnt_range + 2 * j, m.jnt_margin[j]);
+    joint.freedoms[0].lower = lower - q0;
+    joint.freedoms[0].upper = upper - q0;
   }
   if (m.opt.disableflags & mjDSBL_DAMPER) {
     for (FreedomDef& freedom : joint.freedoms) freedom.damping = 0;

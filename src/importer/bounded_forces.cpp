@@ -114,8 +114,9 @@ void ConvertTendonLimits(Conversion& c) {
     LengthLimitDef limit;
     limit.name = name;
     c.PutLength(length, limit);
-    limit.lower = m.tendon_range[2 * t] - length.at_reference;
-    limit.upper = m.tendon_range[2 * t + 1] - length.at_reference;
+    const auto [lower, upper] = LimitedRange(m.tendon_range + 2 * t, m.tendon_margin[t]);
+    limit.lower = lower - length.at_reference;
+    limit.upper = upper - length.at_reference;
     c.scene.mechanisms[c.MechanismOf(length.terms[0].first)].length_limits.push_back(std::move(limit));
   }
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <mujoco/mujoco.h>
+#include <algorithm>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/scene.hpp>
@@ -115,6 +116,12 @@ struct Conversion {
   int PathOf(const Length& length);
   Error ModelError(const std::string& where, const std::string& message) const;
 };
+
+/// A limit of MuJoCo's where it comes to bear: `margin` inside of `range`, in the middle where that is beyond it.
+inline std::pair<double, double> LimitedRange(const mjtNum* range, double margin) {
+  const double inside = std::min(margin, (range[1] - range[0]) / 2);
+  return {range[0] + inside, range[1] - inside};
+}
 
 /// MuJoCo's arrays as vectors and quaternions.
 inline Vector3 Vec3(const mjtNum* p) { return {p[0], p[1], p[2]}; }

@@ -48,6 +48,7 @@ class Changer {
       case Quantity::kRange: {
         const bool turns = Value(tag, "type") != "slide";
         const double unit = degrees_ && turns ? 180 / std::numbers::pi : 1;
+        if (!Value(tag, "margin").empty()) Set(tag, "margin", "0");  // the range has it inside
         return SetRange(tag, change, "range", unit);
       }
       case Quantity::kInertia:

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "names.hpp"
@@ -93,6 +94,23 @@ void ReadMujocoBlock(UrdfWork& work, const XMLElement& block) {
   }
 }
 
+// Counts elements of links and joints that nothing reads. <calibration> says where an encoder has its zero.
+void CountUnread(const XMLElement& e, std::map<std::string, int>& unread) {
+  static const std::map<std::string, std::set<std::string>> kRead = {
+      {"link", {"inertial", "visual", "collision"}},
+      {"inertial", {"origin", "mass", "inertia"}},
+      {"visual", {"origin", "geometry", "material"}},
+      {"collision", {"origin", "geometry", "material"}},
+      {"joint", {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic", "calibration"}}};
+  const auto read = kRead.find(e.Name());
+  if (read == kRead.end()) return;
+  for (const XMLElement* child = e.FirstChildElement(); child != nullptr; child = child->NextSiblingElement())
+    if (read->second.contains(child->Name()))
+      CountUnread(*child, unread);
+    else
+      ++unread[fmt::format("<{}> in <{}>", child->Name(), e.Name())];
+}
+
 std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   std::set<std::string> names;
   std::map<std::string, int> dropped;
@@ -108,8 +126,10 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
       }
       tree.links.push_back(e);
       tree.link_names.push_back(name);
+      CountUnread(*e, dropped);
     } else if (kind == "joint") {
       tree.joints.push_back(e);
+      CountUnread(*e, dropped);
     } else {
       if (kind == "material") {
         const std::vector<double> rgba = NumbersOf(e->FirstChildElement("color"), "rgba");
@@ -119,7 +139,7 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
         e = next;
         continue;  // its options go over in the end
       } else if (!IsExtension(kind)) {
-        ++dropped[kind];
+        ++dropped[fmt::format("<{}>", kind)];
       }
       robot.DeleteChild(e);
     }
@@ -127,7 +147,7 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   }
   for (const auto& [kind, count] : dropped) {
     work.out.notes.push_back(
-        {ImportNote::Kind::kDropped, fmt::format("{} <{}>", count, kind), "it has no meaning here"});
+        {ImportNote::Kind::kDropped, fmt::format("{} {}", count, kind), "it has no meaning here"});
   }
   AddWorld(robot, tree);
   if (tree.links.empty()) return Error{ErrorCode::kModel, work.path, "the robot has no link; add one"};

@@ -82,24 +82,46 @@ double Softness(const mjtNum* solref, const mjtNum* solimp) {
   return (1 - d) / d * d_max * d_max / k;
 }
 
-// Geoms and pairs that are softer than those of which the file says nothing.
-void ListSoftContacts(Conversion& c) {
+// Contacts, stops and closures that are softer than those of which the file says nothing.
+void ListSoftConstraints(Conversion& c) {
   const mjModel& m = c.m;
   mjtNum solref[mjNREF], solimp[mjNIMP];
   mj_defaultSolRefImp(solref, solimp);
-  const double usual = Softness(solref, solimp) * (1 + 1e-9);  // rounding
-  std::vector<std::string> geoms, pairs;
-  for (int g = 0; g < m.ngeom; ++g)
-    if ((m.geom_contype[g] != 0 || m.geom_conaffinity[g] != 0) &&
-        Softness(m.geom_solref + mjNREF * g, m.geom_solimp + mjNIMP * g) > usual)
+  const auto is_soft = [usual = Softness(solref, solimp) * (1 + 1e-9)](  // rounding
+                           const mjtNum* ref, const mjtNum* imp, int at) {
+    return Softness(ref + mjNREF * at, imp + mjNIMP * at) > usual;
+  };
+  const bool overrides = m.opt.enableflags & mjENBL_OVERRIDE;
+  std::vector<std::string> geoms, pairs, joints, tendons, equalities;
+  for (int g = 0; g < m.ngeom && !overrides; ++g)
+    if ((m.geom_contype[g] != 0 || m.geom_conaffinity[g] != 0) && is_soft(m.geom_solref, m.geom_solimp, g))
       geoms.push_back(NameOr(m, m.name_geomadr[g], "geom", g));
-  for (int k = 0; k < m.npair; ++k)
-    if (Softness(m.pair_solref + mjNREF * k, m.pair_solimp + mjNIMP * k) > usual)
+  for (int k = 0; k < m.npair; ++k) {
+    const mjtNum* friction = m.pair_solreffriction + mjNREF * k;  // 0: as the normal's
+    if ((!overrides && is_soft(m.pair_solref, m.pair_solimp, k)) ||
+        (friction[0] != 0 && is_soft(friction, overrides ? m.opt.o_solimp : m.pair_solimp + mjNIMP * k, 0)))
       pairs.push_back(NameOr(m, m.name_pairadr[k], "pair", k));
+  }
+  const bool no_limits = m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT);
+  for (int j = 0; j < m.njnt && !no_limits; ++j)
+    if (m.jnt_limited[j] && is_soft(m.jnt_solref, m.jnt_solimp, j)) joints.push_back(c.joint_names[j]);
+  for (int t = 0; t < m.ntendon && !no_limits; ++t)
+    if (m.tendon_limited[t] && is_soft(m.tendon_solref_lim, m.tendon_solimp_lim, t))
+      tendons.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
+  for (int e = 0; e < m.neq; ++e)
+    if (c.EqualityWorks(e) && is_soft(m.eq_solref, m.eq_solimp, e))
+      equalities.push_back(NameOr(m, m.name_eqadr[e], "equality", e));
   constexpr const char* kHard =
       "contact is hard here: put the body on a joint with a spring to let it give way";
+  constexpr const char* kStop = "stops are hard here: a joint spring gives way";
+  if (overrides && is_soft(m.opt.o_solref, m.opt.o_solimp, 0))
+    c.Dropped("softness by o_solref and o_solimp in <option>", kHard);
   c.DroppedMany("softness by solref and solimp of geom", geoms, kHard);
   c.DroppedMany("softness by solref and solimp of contact pair", pairs, kHard);
+  c.DroppedMany("softness by solreflimit and solimplimit of joint", joints, kStop);
+  c.DroppedMany("softness by solreflimit and solimplimit of tendon", tendons, kStop);
+  c.DroppedMany("softness by solref and solimp of equality", equalities,
+                "closures and couplings are exact here: springs of joints or tendons give way");
 }
 
 }  // namespace
@@ -157,9 +179,13 @@ void ListUnsupported(Conversion& c) {
   const auto any = [](const mjtNum* p, int n) {
     return std::any_of(p, p + n, [](mjtNum x) { return x != 0; });
   };
-  std::vector<std::string> joints, rotors, bound;
+  constexpr const char* kElastic = "springs are elastic here: none shifts where it comes to rest";
+  std::vector<std::string> joints, rotors, bound, plastic_joints, plastic_tendons, compensated;
   for (int j = 0; j < m.njnt; ++j) {
     const int dof = m.jnt_dofadr[j];
+    if (m.jnt_plasticadr[j] >= 0) plastic_joints.push_back(c.joint_names[j]);
+    if (m.jnt_actgravcomp[j] && m.jnt_actfrclimited[j] && m.flg_gravcomp)
+      compensated.push_back(c.joint_names[j]);
     if (m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE) continue;
     if (any(m.jnt_stiffnesspoly + mjNPOLY * j, mjNPOLY) || any(m.dof_dampingpoly + mjNPOLY * dof, mjNPOLY))
       joints.push_back(c.joint_names[j]);
@@ -168,13 +194,19 @@ void ListUnsupported(Conversion& c) {
     const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
     if (m.tendon_armature[t] != 0) rotors.push_back(name);
     if (m.tendon_actfrclimited[t]) bound.push_back(name);
+    if (m.tendon_plasticadr[t] >= 0) plastic_tendons.push_back(name);
   }
   c.DroppedMany("higher terms of the spring or damper of joint", joints,
                 "those of hinges, slides and tendons are simulated; of this joint its linear part is");
   c.DroppedMany("inertia of tendon", rotors, "tendons have no mass here");
   c.DroppedMany("force limit of the actuators of tendon", bound,
                 "only actuators and joints have such limits here");
-  ListSoftContacts(c);
+  ListSoftConstraints(c);
+  c.DroppedMany("yield of the spring of joint", plastic_joints, kElastic);
+  c.DroppedMany("yield of the spring of tendon", plastic_tendons, kElastic);
+  c.DroppedMany(
+      "actuatorgravcomp of joint", compensated,
+      "compensation of gravity is not of the actuators here: bounds of their forces leave it alone");
   std::vector<std::string> belts, sticky, flexes;
   for (int g = 0; g < m.ngeom; ++g) {
     const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);

@@ -273,18 +273,22 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   };
   std::vector<Run> reduced, other;
   std::optional<Run> own;
+  const auto with_name = [&](Error error) {
+    if (error.where == options.model_path && !options.model_name.empty()) error.where = options.model_name;
+    return error;
+  };
   if (mujoco) {
     // First, so that what MuJoCo cannot run is refused before anything is simulated.
     weight = 10;
     auto run = RunOwnStep(options.model_path, scene, tracked, o, out.warnings);
-    if (!run) return tl::unexpected(run.error());
+    if (!run) return tl::unexpected(with_name(run.error()));
     own = std::move(*run);
     // At our step it may well become unstable, and that is an answer.
     auto same = internal::RunMuJoCo(options.model_path, scene, tracked, o.interval, o);
     if (same)
       other.push_back(std::move(*same));
     else
-      out.warnings.push_back(same.error().Text());
+      out.warnings.push_back(with_name(same.error()).Text());
   }
   for (int k = 0; k <= options.refinements; ++k) {
     o.substeps = 1 << k;

@@ -40,24 +40,26 @@ void AddImpulses(const mjModel* m, const mjData* d, double h, std::vector<Vector
   }
 }
 
-// A mocap body of the file, which is a driven base here: its six controls come one after the other.
+// A mocap body of the file, which is a driven base here: its six controls come one after the other, from where
+// the file or its keyframe starts it.
 struct DrivenBase {
   int control = 0, mocap = 0;
   RigidTransform start;
 };
 
-std::vector<DrivenBase> FindDrivenBases(const mjModel* m, const Simulation& guide) {
+std::vector<DrivenBase> FindDrivenBases(const mjModel* m, const mjData* d, const Simulation& guide) {
   std::vector<DrivenBase> bases;
   for (int body = 0; body < m->nbody; ++body) {
     const char* name = mj_id2name(m, mjOBJ_BODY, body);
     if (m->body_mocapid[body] < 0 || !name) continue;
     const int control = guide.FindControl(std::string(name) + ".x");
     if (control < 0) continue;
-    const double* q = m->body_quat + 4 * body;
-    bases.push_back(
-        {control,
-         m->body_mocapid[body],
-         {Quaternion(q[0], q[1], q[2], q[3]), Vector3(Eigen::Map<const Vector3>(m->body_pos + 3 * body))}});
+    const int mocap = m->body_mocapid[body];
+    const double* q = d->mocap_quat + 4 * mocap;
+    bases.push_back({control,
+                     mocap,
+                     {Quaternion(q[0], q[1], q[2], q[3]).normalized(),
+                      Vector3(Eigen::Map<const Vector3>(d->mocap_pos + 3 * mocap))}});
   }
   return bases;
 }
@@ -220,7 +222,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
 
   auto guide = MakeReduced(scene, options);
   if (!guide) return tl::unexpected(guide.error());
-  const std::vector<DrivenBase> bases = FindDrivenBases(m, *guide);
+  const std::vector<DrivenBase> bases = FindDrivenBases(m, d, *guide);
   const auto inputs = FindActuators(m, path, *guide, bases, *options.controls);
   if (!inputs) return tl::unexpected(inputs.error());
   auto apply = [&](double time) {

@@ -147,6 +147,32 @@ TEST(Compare, GivesMuJoCoTheModelWithItsOptions) {
   EXPECT_NE(scaled.err.find("--stiffness-scale"), std::string::npos) << scaled.err;
 }
 
+// A keyframe puts the mocap body that is a driven base.
+TEST(Compare, StartsMocapBodiesWhereTheKeyframeHasThem) {
+  const std::string model = Write("palm.xml", R"(<mujoco><option gravity="0 0 0" timestep=".001"/><worldbody>
+      <body name="palm" mocap="true"><geom size=".05"/><body name="finger" pos=".1 0 0">
+      <joint name="knuckle" axis="0 1 0" stiffness="1" damping=".1"/><geom size=".03" pos=".1 0 0"/></body></body>
+      </worldbody><keyframe><key name="up" mpos="0 0 1"/></keyframe></mujoco>)");
+  const Outcome o =
+      Fork1s("compare --json --against mujoco --keyframe up --time 0.05 --refinements 0 " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  EXPECT_LT(o.Json()["interface"][0]["max_mm"].get<double>(), 0.01);
+  const Outcome inspected = Fork1s("inspect " + model);
+  EXPECT_NE(inspected.out.find("controls: palm.x, palm.y, palm.z, palm.rx, palm.ry, palm.rz"),
+            std::string::npos)
+      << inspected.out;
+}
+
+// A joint that the file has outside its limits starts inside them on both sides.
+TEST(Compare, GivesMuJoCoTheStart) {
+  const std::string model = Write("leg.xml", R"(<mujoco><option timestep=".001" gravity="0 0 0"/><worldbody>
+      <body name="thigh"><joint name="knee" axis="0 1 0" range="30 70" damping="1"/>
+      <geom size=".1" pos=".3 0 0"/></body></worldbody></mujoco>)");
+  const Outcome moved = Fork1s("compare --json --against mujoco --time 0.05 --refinements 0 " + model);
+  ASSERT_EQ(moved.code, 0) << moved.err;
+  EXPECT_LT(moved.Json()["interface"][0]["max_deg"].get<double>(), 0.01);
+}
+
 // A hinge and a slide on a base that falls onto a plane, in a file that MuJoCo by itself reads otherwise.
 std::string UrdfArm() {
   const std::string inertial =

@@ -1,4 +1,5 @@
 // Springs, tendons and actuators against the generalised forces that MuJoCo computes.
+#include <limits>
 #include <map>
 
 #include "helpers.hpp"
@@ -160,6 +161,38 @@ TEST(ImportForces, ControlsKeepNamesRangesAndKinds) {
   EXPECT_FALSE(controls[2].is_setpoint);
   EXPECT_EQ(loaded.report.holds.size(), 3u);
   EXPECT_CONTAINS(loaded.report.holds[0].held_by, "position actuator 'p' 20 N·m/rad");
+}
+
+TEST(ImportForces, ClampctrlDisabled_LeavesControlsUnbounded) {
+  const auto upper = [](const std::string& flag) {
+    return MustLoad(
+               "<mujoco><option><flag clampctrl='" + flag +
+               "'/></option><worldbody><body name='b'><joint name='j'/><geom size='.1'/></body></worldbody>"
+               "<actuator><motor name='m' joint='j' ctrlrange='-1 1'/></actuator></mujoco>")
+        .scene.mechanisms[0]
+        .controls[0]
+        .upper;
+  };
+  EXPECT_EQ(upper("enable"), 1);
+  EXPECT_EQ(upper("disable"), std::numeric_limits<double>::infinity());
+}
+
+// MuJoCo's limits push from `margin` inside of the range on.
+TEST(ImportForces, MarginOfLimits_NarrowsTheRange) {
+  const auto load = [](const std::string& margin) {
+    return MustLoad(
+               "<mujoco><worldbody><body name='b'><joint name='j' type='slide' axis='0 0 1' range='-.1 1' " +
+               margin + "/><geom size='.1'/></body></worldbody><tendon><fixed range='-.2 .3' " + margin +
+               "><joint joint='j' coef='1'/></fixed></tendon></mujoco>")
+        .scene.mechanisms[0];
+  };
+  const MechanismDef near = load("margin='.02'"), beyond = load("margin='2'");
+  EXPECT_DOUBLE_EQ(near.joints[0].freedoms[0].lower, -.08);
+  EXPECT_DOUBLE_EQ(near.joints[0].freedoms[0].upper, .98);
+  EXPECT_DOUBLE_EQ(near.length_limits[0].lower, -.18);
+  EXPECT_DOUBLE_EQ(near.length_limits[0].upper, .28);
+  EXPECT_DOUBLE_EQ(beyond.joints[0].freedoms[0].lower, .45);
+  EXPECT_DOUBLE_EQ(beyond.joints[0].freedoms[0].upper, .45);
 }
 
 TEST(ImportForces, WhatIsNotSimulatedIsListed) {

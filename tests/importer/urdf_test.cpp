@@ -302,6 +302,22 @@ TEST(ImportUrdf, BrokenTrees) {
                   "nothing in the file can move");
 }
 
+TEST(ImportUrdf, ElementsOfLinksAndJointsThatNothingReads_AreNoted) {
+  const auto loaded = LoadMechanism(WriteFile(
+      "arm.urdf",
+      Robot(Link("foot") +
+            Link("upper", std::string(kInertial) +
+                              "<collision><geometry><box size='.1 .1 .1'/></geometry><contact_coefficients "
+                              "mu='.3'/></collision><contact><lateral_friction value='.2'/></contact>") +
+            Joint("knee", "continuous", "foot", "upper",
+                  "<axis xyz='0 1 0'/><calibration rising='0'/><safety_controller k_velocity='10'/>"))));
+  ASSERT_TRUE(loaded) << loaded.error().Text();
+  for (const char* element : {"1 <contact_coefficients> in <collision>", "1 <contact> in <link>",
+                              "1 <safety_controller> in <joint>"})
+    EXPECT_TRUE(HasNote(loaded->report, ImportNote::Kind::kDropped, element)) << element;
+  EXPECT_FALSE(HasNote(loaded->report, ImportNote::Kind::kDropped, "calibration"));
+}
+
 TEST(UrdfMimic, OfOrByFixedJointsIsNoted) {
   const auto load = [](const std::string& leader, const std::string& follower) {
     return MustLoad(Robot(

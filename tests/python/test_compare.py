@@ -47,12 +47,48 @@ def test_a_table_that_mujoco_has_no_actuator_for_is_refused(tmp_path):
         fork1s.compare(model, against="mujoco", time=0.1, controls={"time": [0, 0.1], "palm.x": [0, 0.1]})
 
 
+URDF_ARM = """<robot name="arm"><link name="foot"/><link name="upper">
+  <inertial><origin xyz="0 0 .05"/><mass value=".4"/>
+    <inertia ixx=".002" ixy="0" ixz="0" iyy=".002" iyz="0" izz=".001"/></inertial></link>
+  <joint name="knee" type="revolute"><parent link="foot"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="{lower}" upper="1" effort="50" velocity="1"/></joint></robot>"""
+
+
+def test_a_urdf_against_mujoco(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF_ARM.format(lower=-1))
+    model = fork1s.load(path, interface="upper", pd=(20, 1), q={"knee": 0.3})
+    answer = fork1s.compare(model, against="mujoco", time=0.2, dt=1e-3)
+    assert answer.traces["upper"].reduced.shape == (len(answer.times), 3)
+    assert answer.bodies["upper"].max_deg < 0.1
+    assert not answer.warnings
+
+
+def test_a_urdf_against_mujoco_keeps_its_start(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF_ARM.format(lower=0.2))
+    model = fork1s.load(path, interface="upper", pd=(20, 1), keep_start=True)
+    # One step: MuJoCo's stop at 0.2 rad then pushes the joint back, ours is where the joint starts.
+    answer = fork1s.compare(model, against="mujoco", time=1e-3, dt=1e-3)
+    assert answer.bodies["upper"].max_deg < 0.1
+
+
+def test_mjcf_with_other_options_against_mujoco(scenes):
+    model = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.2}, pd=(1, 0.1))
+    assert fork1s.compare(model, against="mujoco", time=0.2, dt=1e-3).bodies["forearm"].max_mm < 1
+
+
 def test_refusals(gripper, scenes):
     with pytest.raises(fork1s.UsageError, match="'peer' is none of: full, mujoco"):
         fork1s.compare(gripper, against="peer")
     text = fork1s.load((scenes / "two_link_arm.xml").read_text())
-    with pytest.raises(fork1s.UsageError, match="MuJoCo runs an MJCF file as it stands"):
-        fork1s.compare(text, against="mujoco")
+    softer = fork1s.load(scenes / "two_link_arm.xml").with_stiffness({"elbow": 50})
+    for model in (text, softer):
+        with pytest.raises(fork1s.UsageError, match="MuJoCo opens the file of a model: load it from a path"):
+            fork1s.compare(model, against="mujoco")
+    scaled = fork1s.load(scenes / "two_link_arm.xml", stiffness_scale=2)
+    with pytest.raises(fork1s.UsageError, match="stiffness-scale: is not written as MJCF"):
+        fork1s.compare(scaled, against="mujoco")
     with pytest.raises(fork1s.UsageError, match="needs a column 'time'"):
         fork1s.compare(gripper, controls={"left_grip": [1]})
     with pytest.raises(fork1s.UsageError, match="'left_grip' has 1 values for 2 times"):

@@ -1,5 +1,7 @@
 """What a model says before anything moves, against closed forms and against MuJoCo."""
 
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -176,3 +178,17 @@ def test_scenes_of_the_package():
     assert fork1s.load(fork1s.scene("hand")).name == "hand"
     with pytest.raises(fork1s.UnknownNameError, match="fourbar_gripper, hand, peg_gripper, quadruped"):
         fork1s.scene("none")
+
+
+def test_keep_start_starts_a_joint_outside_its_limits():
+    text = """<mujoco><worldbody><body name="thigh"><joint name="knee" axis="0 1 0" range="30 70"/>
+      <geom size=".1" pos=".3 0 0"/></body></worldbody></mujoco>"""
+    moved, kept = fork1s.load(text), fork1s.load(text, keep_start=True)
+    assert any("the file starts it outside its limits" in note for note in moved.notes)
+    assert any("starts outside its limits, as the file has it" in note for note in kept.notes)
+    assert fork1s.Simulation(moved).qpos == pytest.approx([np.pi / 6])
+    assert fork1s.Simulation(kept).qpos == [0]
+    again = pickle.loads(pickle.dumps(kept))
+    assert fork1s.Simulation(again).qpos == [0]
+    with pytest.raises(TypeError, match="keep_start must be True or False"):
+        fork1s.load(text, keep_start="no")

@@ -43,6 +43,7 @@ def load(
     keyframe: str | None = None,
     base_pose: npt.ArrayLike | None = None,
     q: Mapping[str, float] | None = None,
+    keep_start: bool = False,
     ground: bool | float = False,
     packages: Mapping[str, str | os.PathLike[str]] | None = None,
 ) -> _core.Model:
@@ -64,6 +65,8 @@ def load(
         keyframe: name of the initial state; default: the file's reference pose.
         base_pose: where the base starts, world frame: (3,) m, (7,) with a quaternion w x y z, or (4, 4).
         q: joint name to where it starts, rad or m.
+        keep_start: joints that the file, `keyframe` or `q` starts outside their limits start there, with their stop;
+            default: at the nearest value inside.
         ground: True adds a level plane under the model (at z = 0 with `base_pose`), a number one at that height in m.
         packages: URDF: folders of ROS packages by name.
 
@@ -80,6 +83,7 @@ def load(
         keyframe=keyframe,
         base_pose=base_pose,
         q=q,
+        keep_start=keep_start,
         ground=ground,
         packages=packages,
     )

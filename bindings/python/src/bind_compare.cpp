@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <fork1s/study/compare.hpp>
+#include <fork1s/study/mjcf_file.hpp>
 #include <limits>
 
 #include "arguments.hpp"
@@ -71,10 +72,10 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
     throw Refused{
         {ErrorCode::kUsage, "time", "is more steps than can be counted; shorten it or lengthen dt"}};
   options.against = against == "full" ? Against::kFull : Against::kMuJoCo;
-  if (options.against == Against::kMuJoCo && model->file().empty())
-    throw Refused{{ErrorCode::kUsage, model->origin(),
-                   "MuJoCo runs an MJCF file as it stands: load the model from one, and write base, gains, "
-                   "stiffness, start and ground into it"}};
+  if (options.against == Against::kMuJoCo && !model->file_options())
+    throw Refused{
+        {ErrorCode::kUsage, model->origin(),
+         "MuJoCo opens the file of a model: load it from a path, and write stiffnesses into the file"}};
   options.time = time;
   options.dt = dt.value_or(0);
   options.refinements = refinements;
@@ -87,17 +88,22 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
     options.full_integrator =
         *full_integrator == "two-stages" ? FullIntegrator::kTwoStages : FullIntegrator::kEuler;
   }
-  options.model_path = model->file();
+  options.model_name = model->origin();
   ReleasedGil gil;
   options.progress = [&](double) {
     if (gil.IsPauseDue() && gil.Pause()) gil.ThrowIfInterrupted();
   };
-  const auto compare = [&] { return Take(Compare(model->imported(), options), model->origin()); };
-  if (options.against == Against::kFull) return compare();
+  const auto compare = [&](const ImportedScene& imported) {
+    return Take(Compare(imported, options), model->origin());
+  };
+  if (options.against == Against::kFull) return compare(model->imported());
+  const SharedModel shared =
+      Take(ShareWithMuJoCo(model->origin(), *model->file_options(), model->imported()), model->origin());
+  options.model_path = shared.path;
   // MuJoCo's handlers of errors are the process's: such comparisons go one at a time, and pause.
   static CallMutex& mutex = *new CallMutex;
   Comparison compared;
-  WithCallMutex(mutex, "compare", [&] { compared = compare(); });
+  WithCallMutex(mutex, "compare", [&] { compared = compare(shared.imported); });
   return compared;
 }
 
@@ -193,7 +199,8 @@ void BindCompare(nb::module_& m) {
 time: s to simulate. dt: time step in s, default the model's. refinements: further runs at dt/2, dt/4, ... controls:
 columns by name, `time` [s] among them, linear between rows. integrator: of the reduced run, 'euler' or 'two-stage', default as of a Simulation.
 full_integrator: of the full one, 'euler' or 'two-stages', default of the same order. Others run while it works. Raises NumericsError, ModelError
-for controls that the model does not have, UsageError for a model that MuJoCo cannot run as it is.)",
+for controls that the model does not have, UsageError for a model that is of no file, or has other stiffnesses than it. MuJoCo opens the file; of a URDF, or with
+other `load` options than interface, modes and keyframe, one that is written for it.)",
         nb::sig(
             "def compare(model: Model, against: str = 'full', *, time: float = 2.0, dt: float | None = None, "
             "refinements: int = 0, controls: collections.abc.Mapping[str, numpy.typing.ArrayLike] | None = "

@@ -63,18 +63,13 @@ ImportOptions ReadOptions(const nb::dict& given) {
   if (!get("base_pose").is_none()) options.base_pose = ReadPose(get("base_pose"), "base_pose");
   options.joint_coordinates =
       ReadAs<std::map<std::string, double>>(get("q"), "q", "a mapping from joint names to numbers");
+  options.keep_start = ReadAs<bool>(get("keep_start"), "keep_start", "True or False");
   options.ground = nb::cast<bool>(get("ground"));
   options.ground_height =
       ReadAs<std::optional<double>>(get("ground_height"), "ground", "True, False or a height");
   options.packages = ReadAs<std::map<std::string, std::string>>(get("packages"), "packages",
                                                                 "a mapping from names to folders");
   return options;
-}
-
-// Whether MuJoCo, given the same file, would simulate the same thing.
-bool AsFileSays(const ImportOptions& o) {
-  return !o.base && !o.pd && o.joint_pd.empty() && o.stiffness_scale == 1 && !o.base_pose &&
-         o.joint_coordinates.empty() && !o.ground;
 }
 
 }  // namespace
@@ -85,9 +80,7 @@ void BindLoad(nb::module_& m) {
       [](const std::string& path, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
         const ReleasedGil others_run;
-        Expected<ImportedScene> imported = LoadMechanism(path, options);
-        const bool runs = imported && imported->report.format == "MJCF" && AsFileSays(options);
-        return Model::Create(std::move(imported), path, runs ? path : "");
+        return Model::Create(LoadMechanism(path, options), path, options);
       },
       nb::arg("path"), nb::arg("options"));
   m.def(
@@ -95,7 +88,7 @@ void BindLoad(nb::module_& m) {
       [](const std::string& text, const std::string& name, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
         const ReleasedGil others_run;
-        return Model::Create(LoadMechanismFromString(text, name, options), name, "");
+        return Model::Create(LoadMechanismFromString(text, name, options), name, std::nullopt);
       },
       nb::arg("text"), nb::arg("name"), nb::arg("options"));
   // The address is of an mjModel of Python's mujoco, whose version is that of this module's library and whose
@@ -105,7 +98,7 @@ void BindLoad(nb::module_& m) {
       [](std::uintptr_t address, const std::string& name, const nb::dict& given) {
         const ImportOptions options = ReadOptions(given);
         return Model::Create(LoadMujocoModel(*reinterpret_cast<const mjModel_*>(address), name, options),
-                             name, "");
+                             name, std::nullopt);
       },
       nb::arg("address"), nb::arg("name"), nb::arg("options"));
 }

@@ -9,13 +9,13 @@
 namespace fork1s::python {
 
 std::shared_ptr<const Model> Model::Create(Expected<ImportedScene> imported, std::string origin,
-                                           std::string file) {
+                                           std::optional<ImportOptions> options) {
   auto model = std::make_shared<Model>();
   model->imported_ = Take(std::move(imported), origin);
   model->mechanisms_ = Take(PoseMechanisms(model->imported_), origin);
   model->reductions_.resize(model->mechanisms_.size());
   model->origin_ = std::move(origin);
-  model->file_ = std::move(file);
+  model->file_options_ = std::move(options);
   return model;
 }
 
@@ -76,7 +76,7 @@ Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& st
 std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, double>& stiffness) const {
   ImportedScene changed = imported_;
   changed.scene = SetStiffnesses(std::move(changed.scene), stiffness);
-  return Create(std::move(changed), origin_, "");
+  return Create(std::move(changed), origin_, std::nullopt);
 }
 
 std::shared_ptr<const ReducedModel> Model::Reduction(std::size_t mechanism) const {

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,10 +16,10 @@ namespace fork1s::python {
 /// Never changed once it is made, so that any number of simulations and views share it.
 class Model {
  public:
-  /// `origin`: the path, or what stands for it in messages. `file`: the MJCF file that MuJoCo itself could
-  /// run, empty where there is none or `options` changed what it says.
+  /// `origin`: the path, or what stands for it in messages. `options`: with which `origin` was read; none where
+  /// that is no file, or the model has been changed since.
   static std::shared_ptr<const Model> Create(Expected<ImportedScene> imported, std::string origin,
-                                             std::string file);
+                                             std::optional<ImportOptions> options);
 
   /// The same with other stiffnesses: coordinate name -> N·m/rad or N/m. Throws Refused or UnknownName.
   std::shared_ptr<const Model> WithStiffness(const std::map<std::string, double>& stiffness) const;
@@ -28,7 +29,7 @@ class Model {
   std::map<std::string, double> Stiffnesses() const;
 
   const std::string& origin() const { return origin_; }
-  const std::string& file() const { return file_; }
+  const std::optional<ImportOptions>& file_options() const { return file_options_; }
   const ImportedScene& imported() const { return imported_; }
   const Scene& scene() const { return imported_.scene; }
   const std::vector<PosedMechanism>& mechanisms() const { return mechanisms_; }
@@ -39,7 +40,8 @@ class Model {
   std::vector<std::string> BodyNames() const;
 
  private:
-  std::string origin_, file_;
+  std::string origin_;
+  std::optional<ImportOptions> file_options_;
   ImportedScene imported_;
   std::vector<PosedMechanism> mechanisms_;
   mutable std::mutex mutex_;

@@ -39,6 +39,7 @@ struct CompareOptions {
   FidelityTrack detail;    // of the reduced run
   int refinements = 2;     // further runs at dt/2, dt/4, ...
   std::string model_path;  // the MJCF file, for kMuJoCo
+  std::string model_name;  // stands for it in messages; empty: its path
   MuJoCoIntegrator mujoco_integrator = MuJoCoIntegrator::kOfFile;
   std::function<void(double)> progress;  // called with the share done, in [0, 1]
 };

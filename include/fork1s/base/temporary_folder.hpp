@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-namespace fork1s::app {
+namespace fork1s {
 
 struct TemporaryFolder {
   std::string path;  // empty: it could not be made
@@ -22,4 +22,4 @@ struct TemporaryFolder {
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
 };
 
-}  // namespace fork1s::app
+}  // namespace fork1s
