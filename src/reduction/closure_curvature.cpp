@@ -46,19 +46,24 @@ MatrixX ErrorCurvature(const ClosureDef& closure, const ReducedModel& model, con
   const Vector3 phi = LogRotation(X_E.rotation()), p = X_E.translation();
   const Matrix3 D = DexpInverseRotation(phi);
   const bool turns = closure.rigid.head<3>().any() || !closure.stiffness.head<3>().isZero(0);
+  std::vector<Matrix3> D_turned(static_cast<std::size_t>(turns ? r : 0));
+  for (int i = 0; i < static_cast<int>(D_turned.size()); ++i)
+    D_turned[static_cast<std::size_t>(i)] = TurnOfInverse(phi, D * alpha.col(i).head<3>());
   MatrixX out(6 * r, r);
-  for (int i = 0; i < r; ++i) {
-    const Vector3 w_i = alpha.col(i).head<3>();
-    const Matrix3 D_i = turns ? TurnOfInverse(phi, D * w_i) : Matrix3::Zero();
-    for (int k = 0; k < r; ++k) {
+  for (int i = 0; i < r; ++i)
+    for (int k = 0; k <= i; ++k) {
       const Vector6 bend = to_a * (beta.block<6, 1>(6 * k, i) -
                                    0.5 * (Bracket(T_a.col(i), T_b.col(k)) + Bracket(T_a.col(k), T_b.col(i))));
-      const Vector3 w_k = alpha.col(k).head<3>(), v_k = alpha.col(k).tail<3>(), turn = bend.head<3>();
-      out.block<3, 1>(6 * k, i) = D * turn + D_i * w_k;
-      out.block<3, 1>(6 * k + 3, i) = bend.tail<3>() + turn.cross(p) + w_i.cross(v_k + w_k.cross(p));
+      const Vector3 w_i = alpha.col(i).head<3>(), w_k = alpha.col(k).head<3>(), turn = bend.head<3>();
+      const Vector3 u_i = alpha.col(i).tail<3>() + w_i.cross(p), u_k = alpha.col(k).tail<3>() + w_k.cross(p);
+      Vector6 both;
+      both << D * turn, bend.tail<3>() + turn.cross(p) + 0.5 * (w_i.cross(u_k) + w_k.cross(u_i));
+      if (turns)
+        both.head<3>() +=
+            0.5 * (D_turned[static_cast<std::size_t>(i)] * w_k + D_turned[static_cast<std::size_t>(k)] * w_i);
+      out.block<6, 1>(6 * k, i) = out.block<6, 1>(6 * i, k) = both;
     }
-  }
-  return SymmetricPart(std::move(out));
+  return out;
 }
 
 }  // namespace

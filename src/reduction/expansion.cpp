@@ -1,5 +1,6 @@
 #include <fork1s/reduction/expansion.hpp>
 
+#include <fork1s/linalg/outer_products.hpp>
 #include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/spatial/twist_exponential.hpp>
 
@@ -116,44 +117,44 @@ class Expander {
   const Carried& CarriedBy(int coordinate) const { return carried_[m_.CoordinateJoint(coordinate).u()]; }
   VectorX Row(int coordinate) const { return out_.Q.row(coordinate).transpose(); }
 
-  // G_k(ij) += Y_kj q_i + Y_ki q_j, of Y Q.
-  void AddBothWays(const MatrixX& YQ) {
-    out_.G += YQ;
-    for (int i = 0; i < r_; ++i)
-      for (int j = 0; j < r_; ++j) out_.G.col(i).segment(r_ * j, r_) += YQ.col(j).segment(r_ * i, r_);
-  }
-
   void AddInertia() {
-    MatrixX X(r_ * r_, n_), Y(r_ * r_, n_);
+    const int r2 = r_ * r_;
+    // A coordinate a column: twice Y, and beneath twice -X before it is made symmetric.
+    MatrixX YX(2 * r2, n_);
     RowMatrixX Z(n_, r_), H(n_, r_);  // P_k·S_j and the armature, of q''_j; M = Hᵀ Q + Qᵀ H
-    // One coordinate: twists before it, c and momenta by columns, over z, so that products run along z.
-    using Columns = Eigen::Matrix<double, Eigen::Dynamic, 6>;
-    Columns before(r_, 6), c(r_, 6), momenta(r_, 6), turned(r_, 6), P(r_, 6), C(r_, 6);
-    MatrixX product(r_, r_), own(r_, r_);
+    // Of one coordinate, over z: twice Y is left rightᵀ, of which the first seven columns make twice -X.
+    using Six = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+    Six before(r_, 6);
+    Eigen::Matrix<double, Eigen::Dynamic, 19> left(r_, 19), right(r_, 19);
+    const auto six = [&](auto& columns, int at) { return columns.data() + at * r_; };
     for (int l = 0; l < n_; ++l) {
       const Carried& carried = CarriedBy(l);
       const Vector6 s = out_.S.col(l), f = carried.I * s;
       before = Before(l).transpose();
-      P = carried.P.transpose();
-      C = out_.C.middleCols(l * r_, r_).transpose();
-      c.noalias() = -before.lazyProduct(SmallAdjoint(s).transpose());
-      momenta.noalias() = before.lazyProduct(carried.I);
-      turned.noalias() = before.lazyProduct(CrossForceMap(f));
-      const VectorX e = c * f, q = Row(l);
-      product.noalias() = c.lazyProduct(momenta.transpose());
-      product.noalias() += e.lazyProduct(q.transpose());
-      own.noalias() = before.lazyProduct(turned.transpose());
-      own.noalias() += P.lazyProduct(C.transpose());
-      Eigen::Map<MatrixX>(X.col(l).data(), r_, r_) = -0.5 * (product + product.transpose());
-      Eigen::Map<MatrixX>(Y.col(l).data(), r_, r_) = 0.5 * (product + own);
-      Z.row(l).noalias() = (P * s).transpose();
-      H.row(l).noalias() = (before * f + 0.5 * s.dot(f) * q).transpose();
+      const Matrix6 minus_ad = -SmallAdjoint(s), turn = CrossForceMap(f).transpose();
+      OuterProducts<6>(before.data(), minus_ad.data(), r_, 6, six(left, 0));    // c
+      OuterProducts<6>(before.data(), carried.I.data(), r_, 6, six(right, 0));  // momenta
+      OuterProducts<6>(before.data(), turn.data(), r_, 6, six(right, 7));
+      OuterProducts<6>(left.data(), f.data(), r_, 1, six(left, 6));  // e
+      right.col(6) = out_.Q.row(l).transpose();
+      left.middleCols<6>(7) = before;
+      left.rightCols<6>() = carried.P.transpose();
+      right.rightCols<6>() = out_.C.middleCols(l * r_, r_).transpose();
+      OuterProducts<19>(left.data(), right.data(), r_, r_, &YX(0, l));
+      OuterProducts<7>(left.data(), right.data(), r_, r_, &YX(r2, l));
+      OuterProducts<6>(six(left, 13), s.data(), r_, 1, &Z(l, 0));
+      OuterProducts<6>(before.data(), f.data(), r_, 1, &H(l, 0));
+      H.row(l) += 0.5 * s.dot(f) * out_.Q.row(l);
     }
     const MatrixX half = H.transpose() * out_.Q;
     out_.M = half + half.transpose();
-    out_.G.setZero(r_ * r_, r_);
-    AddBothWays(Y * out_.Q);
-    Eigen::Map<MatrixX>(out_.G.data(), r_, r_ * r_).noalias() += out_.Q.transpose() * X.transpose();
+    const MatrixX YXQ = 0.5 * (YX * out_.Q);
+    out_.G.resize(r2, r_);
+    for (int i = 0; i < r_; ++i)
+      for (int j = 0; j < r_; ++j)
+        for (int k = 0; k < r_; ++k)
+          out_.G(k + r_ * j, i) =
+              YXQ(k + r_ * j, i) + YXQ(k + r_ * i, j) - YXQ(r2 + i + r_ * j, k) - YXQ(r2 + j + r_ * i, k);
     AddJointVelocities(m_.armature(), out_.M, out_.G, Z);
     AddLoopsCurvature(Z, out_.G);
   }
@@ -161,31 +162,37 @@ class Expander {
   // Of joint velocities ν = E q̇: Jᵀ diag(weights) J, J = ∂ν/∂w, onto M, Jᵀ diag(weights) ∂J/∂z onto G, but
   // for q'', of which Z has the factors.
   void AddJointVelocities(VectorX weights, MatrixX& M, MatrixX& G, RowMatrixX& Z) const {
+    if (weights.isZero(0)) return;
     const auto rotations = static_cast<Eigen::Index>(m_.rotations().size());
-    MatrixX turned = MatrixX::Zero(r_ * r_, 3 * rotations), turns = MatrixX::Zero(3 * rotations, r_);
+    MatrixX turned(r_ * r_, 3 * rotations), turns(3 * rotations, r_), square(r_, r_);
     Eigen::Index at_turn = 0;
+    using Three = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+    Three Q(r_, 3), J(r_, 3), wJ(r_, 3);
     for (const Mechanism::Rotation& rotation : m_.rotations()) {
       Vector3 own;
-      MatrixX Q(3, r_);
       for (int i = 0; i < 3; ++i) {
         const int at = rotation.coordinates[static_cast<std::size_t>(i)];
         own(i) = weights(at);
         weights(at) = 0;
-        Q.row(i) = out_.Q.row(at);
+        Q.col(i) = out_.Q.row(at).transpose();
       }
       if (own.isZero(0)) continue;
-      const Matrix3 E = AngularVelocityMap(m_, at_.kinematics, rotation);
-      const MatrixX wJ = own.asDiagonal() * E * Q;  // 3 x r
-      M.noalias() += (E * Q).transpose() * wJ;
-      const MatrixX EwJ = E.transpose() * wJ;
-      for (int i = 0; i < 3; ++i) Z.row(rotation.coordinates[static_cast<std::size_t>(i)]) += EwJ.row(i);
+      const Matrix3 E = AngularVelocityMap(m_, at_.kinematics, rotation), wE = own.asDiagonal() * E,
+                    EwE = E.transpose() * wE;
+      OuterProducts<3>(Q.data(), EwE.data(), r_, 3, J.data());
+      OuterProducts<3>(Q.data(), J.data(), r_, r_, square.data());
+      M += square;
+      for (int i = 0; i < 3; ++i)
+        Z.row(rotation.coordinates[static_cast<std::size_t>(i)]) += J.col(i).transpose();
+      OuterProducts<3>(Q.data(), wE.data(), r_, 3, wJ.data());
       for (int c = 0; c < 3; ++c, ++at_turn) {
-        Eigen::Map<MatrixX>(turned.col(at_turn).data(), r_, r_).noalias() =
-            wJ.transpose() * (internal::TurnOfVelocityMap(rotation, at_.q, c) * Q);  // k, j
-        turns.row(at_turn) = Q.row(c);
+        const Matrix3 turn = internal::TurnOfVelocityMap(rotation, at_.q, c);
+        OuterProducts<3>(Q.data(), turn.data(), r_, 3, J.data());
+        OuterProducts<3>(wJ.data(), J.data(), r_, r_, turned.col(at_turn).data());  // k, j
+        turns.row(at_turn) = Q.col(c).transpose();
       }
     }
-    G.noalias() += turned.leftCols(at_turn) * turns.topRows(at_turn);
+    if (at_turn > 0) G.noalias() += turned.leftCols(at_turn) * turns.topRows(at_turn);
     const RowMatrixX weighted = weights.asDiagonal() * out_.Q;
     Z += weighted;
     M.noalias() += weighted.transpose() * out_.Q;
