@@ -8,6 +8,7 @@
 
 #include "box_box.hpp"
 #include "contact_patch.hpp"
+#include "cylinder_box.hpp"
 #include "sphere_on_grid.hpp"
 
 // MuJoCo's search for one point of two convex shapes is exact once its tolerance is set for it. Its several
@@ -146,6 +147,16 @@ bool FindDeepest(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int
     const Posed box_a(m, d, a), box_b(m, d, b);
     return BoxBox(box_a.size, RigidTransform(Matrix3(box_a.R), box_a.p), box_b.size,
                   RigidTransform(Matrix3(box_b.R), box_b.p), margin, deepest);
+  }
+  if (m->geom_type[a] == mjGEOM_CYLINDER && m->geom_type[b] == mjGEOM_BOX) {
+    const Posed cylinder(m, d, a), box(m, d, b);
+    const auto found =
+        CylinderBox(cylinder.size[0], cylinder.size[1], RigidTransform(Matrix3(cylinder.R), cylinder.p),
+                    box.size, RigidTransform(Matrix3(box.R), box.p), margin);
+    if (found) {
+      deepest = *found;
+      return deepest.gap < margin;
+    }
   }
   const OnePoint one(m);
   if (mujocos_convex(m, d, contacts, a, b, margin) == 0) return false;

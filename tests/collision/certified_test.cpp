@@ -76,5 +76,45 @@ TEST(CollisionCertified, GapsAndNormalsOfConvexPairs) {
   EXPECT_GT(proven, 1150);  // of 1260
 }
 
+// Every feature of a cylinder on every feature of a box, level with it but for 1e-10 to 0.1 rad or turned at will, of sizes
+// an order of magnitude apart, in shallow penetration and apart.
+TEST(CollisionCertified, CylinderOnBox_LevelAndTilted_GapIsProven) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(0, 1);
+  const auto direction = [&] { return Vector3(normal(random), normal(random), normal(random)).normalized(); };
+  const auto size = [&](double typical) { return typical * std::pow(10, uniform(random) - 0.5); };
+  std::vector<ContactPoint> contacts;
+  int proven = 0;
+  for (int trial = 0; trial < 800; ++trial) {
+    const Shape cylinder = Cylinder{size(0.04), size(0.03)}, box = Box{Vector3(size(0.05), size(0.04), 0.03)};
+    auto a = benchmarks::MakeConvexBody(cylinder), b = benchmarks::MakeConvexBody(box);
+    const double tilt = trial % 4 == 0 ? 3 * uniform(random) : std::pow(10, -1 - 9 * uniform(random));
+    const Matrix3 quarter = ExpRotation(trial % 4 < 2 ? Vector3(Vector3::Zero())
+                                                      : Vector3(0.5 * M_PI * Vector3::Unit(trial / 4 % 3)));
+    a.X = RigidTransform(ExpRotation(3 * uniform(random) * direction()), direction());
+    b.X = RigidTransform(a.X.rotation() * ExpRotation(tilt * direction()) * quarter,
+                         a.X.translation() + 0.3 * direction());
+    auto truth = benchmarks::Certify(a, b);
+    const double wanted = -0.0002 + 0.01 * uniform(random);
+    b.X = RigidTransform(b.X.rotation(), b.X.translation() + (wanted - truth.gap) * truth.normal);
+    truth = benchmarks::Certify(a, b);
+    if (truth.open > kProof) continue;  // faces parallel, in penetration
+    ++proven;
+    auto world = CollisionWorld::Create({Moving(cylinder), Moving(box)}, {}, {.margin = 0.03});
+    ASSERT_TRUE(world.has_value()) << world.error().Text();
+    world->SetPose(0, a.X);
+    world->SetPose(1, b.X);
+    ASSERT_TRUE(world->Detect(contacts));
+    ASSERT_FALSE(contacts.empty()) << trial;
+    const auto least = std::min_element(contacts.begin(), contacts.end(),
+                                        [](const auto& c, const auto& d) { return c.gap < d.gap; });
+    EXPECT_NEAR(least->gap, truth.gap, kGapOff) << trial << " " << tilt;
+    const Vector3 n = (least->body_a == 0 ? 1 : -1) * least->frame.row(0).transpose();
+    EXPECT_GT(benchmarks::GapAlong(a, b, n), truth.gap - kGapOff) << trial << " " << tilt;
+  }
+  EXPECT_GT(proven, 750);
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -1,0 +1,293 @@
+#include "cylinder_box.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+// In the frame of the box, b its half sizes; c, a, r, l the cylinder's centre, axis, radius and half length. Along a unit
+// vector n from the cylinder to the box they are apart by
+//     s(n) = -Σ |n_i| b_i - n·c - r |n - (n·a) a| - l |n·a|
+// whose largest value over all n is the gap. It lies where n is normal to a feature of each: a face, an edge or a corner of
+// the box; an end, the side or the rim of the cylinder. Two points x and y on such features with y - x = d n certify n where
+// d = s(n): apart no n gives more, and in penetration none beside it.
+namespace fork1s::internal {
+namespace {
+
+constexpr double kParallel = 1e-10;  // sine: a line lies in a plane
+constexpr double kCertain = 1e-10;   // d - s(n), as a share of both sizes
+constexpr double kAside = 1e-6;      // of y - x beside n, likewise: squared it is what the gap is off by
+constexpr int kNewtonSteps = 20, kProjections = 10;
+
+// Angles about a rim with their cosines and sines.
+constexpr int kNumSamples = 64;
+constexpr double kSampleStep = 2 * 3.14159265358979323846 / kNumSamples;
+const std::array<std::pair<double, double>, kNumSamples> kSamples = [] {
+  std::array<std::pair<double, double>, kNumSamples> out;
+  for (int k = 0; k < kNumSamples; ++k)
+    out[static_cast<std::size_t>(k)] = {std::cos(k * kSampleStep), std::sin(k * kSampleStep)};
+  return out;
+}();
+
+class Search {
+ public:
+  Search(double radius, double half_length, const Vector3& center, const Vector3& axis, const Vector3& half)
+      : r_(radius),
+        l_(half_length),
+        c_(center),
+        a_(axis),
+        b_(half),
+        enough_(kCertain * (radius + half_length + half.sum())),
+        aside_(kAside * (radius + half_length + half.sum())) {}
+
+  bool Find(double margin) {
+    for (int i = 0; i < 3; ++i)
+      for (const double side : {-1.0, 1.0}) TryFace(i, side);
+    TryEnd(1);
+    TryEnd(-1);
+    if (gap >= margin) return true;
+    for (int i = 0; i < 3; ++i) TryEdgeOnSide(i);
+    // In penetration another pair of features may be less deep.
+    if (gap >= margin || (certain && gap > 0)) return true;
+    const Vector3 near = NearestByProjections();
+    for (int k = 0; k < 8; ++k)
+      TryCorner(b_.cwiseProduct(Vector3(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1)));
+    if (gap >= margin || (certain && gap > 0)) return true;
+    const double side_near = (near - c_).dot(a_) < 0 ? -1 : 1;
+    for (int i = 0; i < 3 && most_ > enough_; ++i) {
+      Vector3 edge = near;
+      edge[i] = 0;
+      if ((edge.cwiseAbs() + b_[i] * Vector3::Unit(i)) == b_) TryEdgeOnRim(i, edge, side_near);
+    }
+    if (gap >= margin || (certain && gap > 0)) return true;
+    // No pair of features that gives more lies farther apart.
+    const double within = std::max(most_, -gap + enough_);
+    for (int i = 0; i < 3; ++i)
+      for (int k = 0; k < 4; ++k) {
+        Vector3 edge = Vector3::Zero();
+        edge[(i + 1) % 3] = k & 1 ? b_[(i + 1) % 3] : -b_[(i + 1) % 3];
+        edge[(i + 2) % 3] = k & 2 ? b_[(i + 2) % 3] : -b_[(i + 2) % 3];
+        for (const double side : {-1.0, 1.0})
+          if (MayBeNear(i, edge, side, within)) TryEdgeOnRim(i, edge, side);
+      }
+    return certain || gap >= margin;
+  }
+
+  double gap = -1e300;  // largest s(n) so far
+  Vector3 normal, middle;
+  bool certain = false;
+
+ private:
+  double Apart(const Vector3& n) const {
+    const double along = n.dot(a_);
+    return -n.cwiseAbs().dot(b_) - n.dot(c_) - r_ * (n - along * a_).norm() - l_ * std::abs(along);
+  }
+  bool IsBetter(const Vector3& n) {
+    const double s = Apart(n);
+    // What is equal to rounding takes over only as long as nothing is certain.
+    if (!(s > gap + (certain ? enough_ : 0))) return false;
+    gap = s;
+    normal = n;
+    certain = false;
+    return true;
+  }
+  // x of the cylinder and y of the box certify the normal at hand.
+  void Certify(const Vector3& x, const Vector3& y) {
+    const Vector3 way = y - x;
+    const double d = way.dot(normal);
+    if (std::abs(d - gap) > enough_ || (way - d * normal).norm() > aside_) return;
+    certain = true;
+    middle = 0.5 * (x + y);
+  }
+  // Whether two points with y - x = d n may give more: s(n) is at most d, and the gap at most `most_`.
+  bool MayBeMore(double d) const { return d > gap && d <= most_; }
+  bool IsOnFace(int face, const Vector3& p) const {
+    for (int i = 0; i < 3; ++i)
+      if (i != face && std::abs(p[i]) > b_[i]) return false;
+    return true;
+  }
+  // Clips the parameters of the line p + t v, from..to, to the box without the axis `face`.
+  bool ClipToFace(int face, const Vector3& p, const Vector3& v, double& from, double& to) const {
+    for (int i = 0; i < 3; ++i) {
+      if (i == face) continue;
+      if (std::abs(v[i]) < kParallel) {
+        if (std::abs(p[i]) > b_[i]) return false;
+        continue;
+      }
+      const double t0 = (-b_[i] - p[i]) / v[i], t1 = (b_[i] - p[i]) / v[i];
+      from = std::max(from, std::min(t0, t1));
+      to = std::min(to, std::max(t0, t1));
+    }
+    return from <= to;
+  }
+
+  // The cylinder above the face: its lowest point, line or end.
+  void TryFace(int i, double side) {
+    const Vector3 n = -side * Vector3::Unit(i);
+    if (!IsBetter(n)) return;
+    const double along = n.dot(a_);
+    const Vector3 out = n - along * a_;
+    const auto certify = [&](const Vector3& x) {
+      if (IsOnFace(i, x)) Certify(x, x + gap * n);
+    };
+    if (out.norm() < kParallel) {  // an end: its point nearest to the middle of the face
+      const Vector3 middle_of_end = c_ + std::copysign(l_, along) * a_;
+      Vector3 x = middle_of_end.cwiseMin(b_).cwiseMax(-b_);
+      x[i] = middle_of_end[i];
+      if ((x - middle_of_end).norm() <= r_) certify(x);
+      return;
+    }
+    const Vector3 line = c_ + r_ * out.normalized();
+    if (std::abs(along) < kParallel) {
+      double from = -l_, to = l_;
+      if (ClipToFace(i, line, a_, from, to)) certify(line + 0.5 * (from + to) * a_);
+    } else {
+      certify(line + std::copysign(l_, along) * a_);
+    }
+  }
+
+  // The box above an end: its lowest corner, edge or face; faces are TryFace's.
+  void TryEnd(double side) {
+    const Vector3 n = side * a_;
+    if (!IsBetter(n)) return;
+    // The nearest to the axis of all that is lowest.
+    Vector3 y;
+    const Vector3 end = c_ + side * l_ * a_;
+    for (int i = 0; i < 3; ++i)
+      y[i] = std::abs(n[i]) < kParallel ? std::clamp(end[i], -b_[i], b_[i]) : -std::copysign(b_[i], n[i]);
+    const Vector3 across = y - c_ - (y - c_).dot(a_) * a_;
+    if (across.norm() <= r_) Certify(y - gap * n, y);
+  }
+
+  // An edge along axis i across the side.
+  void TryEdgeOnSide(int i) {
+    const Vector3 u = Vector3::Unit(i), product = u.cross(a_);
+    const double sine = product.norm();
+    if (sine < kParallel) return;  // parallel: corners and faces are as near
+    for (const double side : {-1.0, 1.0}) {
+      const Vector3 n = side / sine * product;
+      if (!IsBetter(n)) continue;
+      Vector3 edge = Vector3::Zero();
+      for (int k = 0; k < 3; ++k)
+        if (k != i) edge[k] = -std::copysign(b_[k], n[k]);
+      const Vector3 w = edge - (c_ + r_ * n);
+      const double ua = u.dot(a_), uw = u.dot(w), aw = a_.dot(w);
+      const double t = (aw - ua * uw) / (sine * sine), s = (ua * aw - uw) / (sine * sine);
+      if (std::abs(t) <= l_ && std::abs(s) <= b_[i]) Certify(c_ + r_ * n + t * a_, edge + s * u);
+    }
+  }
+
+  void TryCorner(const Vector3& corner) {
+    const Vector3 w = corner - c_;
+    const double along = w.dot(a_);
+    const Vector3 out = w - along * a_;
+    const double distance = out.norm();
+    if (!(distance > kParallel * r_)) return;
+    const Vector3 e = out / distance;
+    if (std::abs(along) <= l_ && MayBeMore(distance - r_) && IsBetter(e))
+      Certify(c_ + along * a_ + r_ * e, corner);
+    for (const double side : {-1.0, 1.0}) {
+      const double past_rim = distance - r_, past_end = side * along - l_,
+                   d = std::copysign(std::hypot(past_rim, past_end), past_rim + past_end);
+      if (past_rim * past_end < 0 || d == 0 || !MayBeMore(d)) continue;
+      const Vector3 x = c_ + side * l_ * a_ + r_ * e;
+      if (IsBetter((corner - x) / d)) Certify(x, corner);
+    }
+  }
+
+  // Of the box, by way from one shape to the other and back: points of both, so no nearer than these are.
+  Vector3 NearestByProjections() {
+    Vector3 x = c_, y = x.cwiseMin(b_).cwiseMax(-b_);
+    for (int k = 0; k < kProjections; ++k) {
+      const Vector3 w = y - c_;
+      const double along = w.dot(a_);
+      const Vector3 out = w - along * a_;
+      const double distance = out.norm();
+      x = c_ + std::clamp(along, -l_, l_) * a_ + (distance > r_ ? r_ / distance : 1) * out;
+      y = x.cwiseMin(b_).cwiseMax(-b_);
+    }
+    most_ = (y - x).norm() + enough_;
+    return y;
+  }
+
+  // False where no point of an edge is as near to a rim as that.
+  bool MayBeNear(int i, const Vector3& edge, double side, double within) const {
+    const Vector3 D = edge - c_ - side * l_ * a_;
+    const double height = D.dot(a_), slope = a_[i];
+    if (std::abs(height) - b_[i] * std::abs(slope) > within) return false;
+    const auto radial = [&](double t) {
+      const Vector3 w = D + t * Vector3::Unit(i);
+      return (w - w.dot(a_) * a_).norm();
+    };
+    // The nearest and the farthest from the axis of the part at most `within` above and beneath the rim.
+    const double level = std::abs(slope) > kParallel ? -height / slope : 0,
+                 reach = std::abs(slope) > kParallel ? within / std::abs(slope) : b_[i];
+    const double from = std::clamp(level - reach, -b_[i], b_[i]),
+                 to = std::clamp(level + reach, -b_[i], b_[i]);
+    const double sine2 = 1 - slope * slope;
+    const double nearest = sine2 > kParallel ? std::clamp(-(D[i] - height * slope) / sine2, from, to) : from;
+    const double at_from = radial(from), at_to = radial(to);
+    return std::min({radial(nearest), at_from, at_to}) <= r_ + within &&
+           std::max(at_from, at_to) >= r_ - within;
+  }
+
+  // The edge along axis i through `edge`, and a rim. With e and τ along radius and rim at an angle φ, and D from the edge
+  // to the rim's centre, the line between them is normal to both where D·τ = (u·D + r u·e) u·τ, at up to four angles.
+  void TryEdgeOnRim(int i, const Vector3& edge, double side) {
+    const Vector3 u = Vector3::Unit(i), end = c_ + side * l_ * a_, D = end - edge;
+    const Vector3 first = a_.unitOrthogonal(), second = a_.cross(first);
+    const double uD = u.dot(D), u1 = first[i], u2 = second[i], D1 = D.dot(first), D2 = D.dot(second);
+    const auto at = [&](double cosine, double sine, double& slope) {
+      const double ue = cosine * u1 + sine * u2, ut = cosine * u2 - sine * u1, De = cosine * D1 + sine * D2;
+      slope = -De - r_ * ut * ut + (uD + r_ * ue) * ue;
+      return cosine * D2 - sine * D1 - (uD + r_ * ue) * ut;
+    };
+    double slope = 0, after = at(kSamples[0].first, kSamples[0].second, slope);
+    for (int k = 0; k < kNumSamples; ++k) {
+      const auto& [cosine, sine] = kSamples[static_cast<std::size_t>((k + 1) % kNumSamples)];
+      const double before = after;
+      after = at(cosine, sine, slope);
+      if (before * after > 0 || before == after) continue;
+      double angle = (k + before / (before - after)) * kSampleStep;
+      for (int step = 0; step < kNewtonSteps; ++step) {
+        const double f = at(std::cos(angle), std::sin(angle), slope);
+        if (!(std::abs(slope) > 0)) break;
+        const double turn = std::clamp(f / slope, -kSampleStep, kSampleStep);
+        angle -= turn;
+        if (std::abs(turn) < 1e-15) break;
+      }
+      const Vector3 e = std::cos(angle) * first + std::sin(angle) * second;
+      const Vector3 x = end + r_ * e, y = edge + x[i] * u;
+      if (std::abs(x[i]) > b_[i]) continue;
+      // Their common normal where they nearly meet, which leaves it unknown where edge and rim are parallel.
+      Vector3 n = y - x;
+      if (!(n.norm() > enough_)) n = u.cross(a_.cross(e));
+      const double length = n.norm();
+      if (!(length > 0)) continue;
+      n /= n.dot(e) + side * n.dot(a_) < 0 ? -length : length;
+      if (MayBeMore(n.dot(y - x)) && IsBetter(n)) Certify(x, y);
+    }
+  }
+
+  const double r_, l_;
+  const Vector3 c_, a_, b_;
+  const double enough_, aside_;
+  double most_ = 0;  // distance of two points of them
+};
+
+}  // namespace
+
+std::optional<Deepest> CylinderBox(double radius, double half_length, const RigidTransform& X_A,
+                                   const Vector3& half, const RigidTransform& X_B, double margin) {
+  const RigidTransform X_BA = X_B.inverse() * X_A;
+  Search search(radius, half_length, X_BA.translation(), X_BA.rotation().col(2), half);
+  if (!search.Find(margin)) return {};
+  Deepest out;
+  out.gap = search.gap;
+  if (search.gap >= margin) return out;
+  out.normal = X_B.rotation() * search.normal;
+  out.point = X_B * search.middle;
+  return out;
+}
+
+}  // namespace fork1s::internal
