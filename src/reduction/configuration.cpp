@@ -101,17 +101,21 @@ void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& 
     double* out = f.data() + run.begin;
     const int alike = CountAlike(model, i, n);
     i += alike;
-    if (alike == 4)
+    if (alike == 4) {
+      const double f0 = force[0], f1 = force[1], f2 = force[2], f3 = force[3];
       ByFours(run.size, [&](const auto& at) {
         typename decltype(at(out))::PlainObject sum = at(out);
-        sum += force[0] * at(row) + force[1] * at(row + r);
-        sum += force[2] * at(row + 2 * r) + force[3] * at(row + 3 * r);
+        sum += f0 * at(row) + f1 * at(row + r);
+        sum += f2 * at(row + 2 * r) + f3 * at(row + 3 * r);
         at(out) = sum;
       });
-    else if (alike == 2)
-      ByFours(run.size, [&](const auto& at) { at(out) += force[0] * at(row) + force[1] * at(row + r); });
-    else
-      ByFours(run.size, [&](const auto& at) { at(out) += force[0] * at(row); });
+    } else if (alike == 2) {
+      const double f0 = force[0], f1 = force[1];
+      ByFours(run.size, [&](const auto& at) { at(out) += f0 * at(row) + f1 * at(row + r); });
+    } else {
+      const double f0 = force[0];
+      ByFours(run.size, [&](const auto& at) { at(out) += f0 * at(row); });
+    }
   }
 }
 

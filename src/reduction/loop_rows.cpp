@@ -246,7 +246,8 @@ void LoopRows::Apply(const VectorX& A, const VectorX& x, VectorX& y) const {
 void LoopRows::Apply(const VectorX& A, const RowMatrixX& X, RowMatrixX& Y) const {
   FORK1S_REQUIRE(Y.rows() == size() && Y.cols() >= X.cols(), Y.rows(), Y.cols());
   const auto columns = static_cast<int>(X.cols());
-  for (int i = 0; i < size(); ++i) std::fill(Row(Y, i) + columns, Row(Y, i) + Y.cols(), 0.0);
+  if (columns < Y.cols())
+    for (int i = 0; i < size(); ++i) std::fill(Row(Y, i) + columns, Row(Y, i) + Y.cols(), 0.0);
   for (const Block& b : blocks_)
     ForRows(b.rows, [&]<int kRows>() {
       TakeApplied<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count}, X.data(),
