@@ -64,34 +64,40 @@ int CountAlike(const ReducedModel& model, Eigen::Index i, Eigen::Index n) {
   return i + 3 < n && IsSame(run[0], run[2]) && IsSame(run[0], run[3]) ? 4 : 2;
 }
 
-// q [kRows] += rows of Q, `stride` apart, times z.
-template <int kRows>
-void AddProducts(const double* row, std::ptrdiff_t stride, const double* z, int size, double* q) {
-  Quad sum[kRows];
+// q [4] += four rows of Q, `stride` apart, times z.
+void AddFourProducts(const double* row, std::ptrdiff_t stride, const double* z, int size, double* q) {
+  Quad sum[4];
   for (Quad& s : sum) s.setZero();
   ByFours(size, [&](const auto& at) {
     constexpr int kSize = decltype(at(row))::RowsAtCompileTime;
-    for (int i = 0; i < kRows; ++i)
-      sum[i].template head<kSize>() += at(row + i * stride).cwiseProduct(at(z));
+    for (int i = 0; i < 4; ++i) sum[i].head<kSize>() += at(row + i * stride).cwiseProduct(at(z));
   });
-  for (int i = 0; i < kRows; ++i) q[i] += sum[i].sum();
+  for (int i = 0; i < 4; ++i) q[i] += sum[i].sum();
 }
 
 }  // namespace
 
-// Rows four by four or two by two where they reach the same columns, here and below.
+// Rows four by four where they reach the same columns, at least four: shorter ones cost less than to compare them.
 void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z, VectorX& q) {
   const auto n = Q.rows(), r = Q.cols();
-  for (Eigen::Index i = 0; i < n;) {
+  for (Eigen::Index i = 0; i < n; ++i) {
     const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
     const double *row = Q.data() + i * r + run.begin, *rates = z.data() + run.begin;
-    const int alike = CountAlike(model, i, n);
-    const auto add = alike == 4 ? &AddProducts<4> : alike == 2 ? &AddProducts<2> : &AddProducts<1>;
-    add(row, r, rates, run.size, q.data() + i);
-    i += alike;
+    if (run.size >= 4 && CountAlike(model, i, n) == 4) {
+      AddFourProducts(row, r, rates, run.size, q.data() + i);
+      i += 3;
+      continue;
+    }
+    Quad sum = Quad::Zero();
+    ByFours(run.size, [&](const auto& at) {
+      constexpr int kSize = decltype(at(row))::RowsAtCompileTime;
+      sum.head<kSize>() += at(row).cwiseProduct(at(rates));
+    });
+    q(i) += sum.sum();
   }
 }
 
+// Rows four by four or two by two.
 void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f) {
   const auto n = Q.rows(), r = Q.cols();
   f.setZero(r);
