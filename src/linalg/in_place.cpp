@@ -104,42 +104,25 @@ double LargestOf(const double* x, int n) {
 
 bool IsZeroFour(const double* x) { return x[0] == 0 && x[1] == 0 && x[2] == 0 && x[3] == 0; }
 
-// What is right of four pivots and below them, C -= L U, fours of rows at a time: `L` the four columns below
-// the pivots, `U` the first of `columns` times their rows, `rows` below. Fours of rows and columns that are 0
-// there are passed over, as between loops that do not hear each other.
-void SubtractProduct(const double* L, const double* U, int rows, int columns, std::ptrdiff_t stride) {
-  const double *l1 = L + stride, *l2 = l1 + stride, *l3 = l2 + stride;
-  constexpr int kMost = 64;
-  int begins[kMost];
-  for (int begin = 0; begin + 4 <= rows;) {
-    int count = 0;
-    for (; begin + 4 <= rows && count < kMost; begin += 4) {
-      const Quad all = QuadAt(L + begin).cwiseAbs() + QuadAt(l1 + begin).cwiseAbs() +
-                       QuadAt(l2 + begin).cwiseAbs() + QuadAt(l3 + begin).cwiseAbs();
-      if (!(all.sum() == 0)) begins[count++] = begin;
-    }
-    for (int j = 0; j < columns; ++j) {
-      const double* u = U + j * stride;
-      if (IsZeroFour(u)) continue;
-      double* c = const_cast<double*>(u) + 4;
-      const double u0 = u[0], u1 = u[1], u2 = u[2], u3 = u[3];
-      for (int k = 0; k < count; ++k) {
-        const int i = begins[k];
-        Quad some = QuadAt(c + i);
-        some -= u0 * QuadAt(L + i);
-        some -= u1 * QuadAt(l1 + i);
-        some -= u2 * QuadAt(l2 + i);
-        some -= u3 * QuadAt(l3 + i);
-        QuadAt(c + i) = some;
-      }
-    }
+// What is right of four pivots: rows U of the pivots, and below them C -= L U. L: columns of the pivots, `stride` apart,
+// C: the first of `columns` more, both from the row of the first pivot on, `rows` long. Columns whose four numbers in U
+// are 0 are passed over, as between loops that share no coordinate.
+void EliminateFour(const double* L, double* C, int rows, int columns, std::ptrdiff_t stride) {
+  const double *l0 = L + 4, *l1 = l0 + stride, *l2 = l1 + stride, *l3 = l2 + stride;
+  for (; columns > 0; --columns, C += stride) {
+    if (IsZeroFour(C)) continue;
+    SolveUnitLowerFour(L, stride, C);
+    const double u0 = C[0], u1 = C[1], u2 = C[2], u3 = C[3];
+    double* below = C + 4;
+    ByFours(rows - 4, [&](const auto& at) {
+      typename decltype(at(below))::PlainObject some = at(below);
+      some -= u0 * at(l0);
+      some -= u1 * at(l1);
+      some -= u2 * at(l2);
+      some -= u3 * at(l3);
+      at(below) = some;
+    });
   }
-  const int whole = rows / 4 * 4;
-  if (whole < rows)
-    for (int j = 0; j < columns; ++j) {
-      const double* u = U + j * stride;
-      SubtractFour(L + whole, stride, u, rows - whole, const_cast<double*>(u) + 4 + whole);
-    }
 }
 
 }  // namespace
@@ -176,10 +159,7 @@ bool FactorLeadingLu(double* A, int n, int leading, double threshold, int* pivot
       });
     }
     if (!four || end == n) break;
-    double* first = Column(A, n, begin) + begin;
-    for (int j = end; j < n; ++j)
-      if (double* c = Column(A, n, j) + begin; !IsZeroFour(c)) SolveUnitLowerFour(first, n, c);
-    SubtractProduct(first + 4, Column(A, n, end) + begin, n - end, n - end, n);
+    EliminateFour(Column(A, n, begin) + begin, Column(A, n, end) + begin, n - begin, n - end, n);
   }
   return true;
 }

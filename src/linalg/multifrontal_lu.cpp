@@ -275,10 +275,26 @@ void MultifrontalLu::SolveRows(int columns, double* x) const {
   using One = Eigen::Matrix<double, 1, 1>;
   int c = 0;
   for (; c + 24 <= columns; c += 24) SolveStrip<Quad, 6>(columns, x + c);
-  for (; c + 16 <= columns; c += 16) SolveStrip<Quad, 4>(columns, x + c);
-  for (; c + 8 <= columns; c += 8) SolveStrip<Quad, 2>(columns, x + c);
-  for (; c + 4 <= columns; c += 4) SolveStrip<Quad, 1>(columns, x + c);
-  for (; c < columns; ++c) SolveStrip<One, 1>(columns, x + c);
+  switch ((columns - c) / 4) {
+    case 5:
+      SolveStrip<Quad, 5>(columns, x + c);
+      break;
+    case 4:
+      SolveStrip<Quad, 4>(columns, x + c);
+      break;
+    case 3:
+      SolveStrip<Quad, 3>(columns, x + c);
+      break;
+    case 2:
+      SolveStrip<Quad, 2>(columns, x + c);
+      break;
+    case 1:
+      SolveStrip<Quad, 1>(columns, x + c);
+      break;
+    default:
+      break;
+  }
+  for (c = columns / 4 * 4; c < columns; ++c) SolveStrip<One, 1>(columns, x + c);
 }
 
 }  // namespace fork1s

@@ -51,11 +51,43 @@ void FillDerived(ReducedModel& model) {
   model.loops.ScaleCoordinates(model.h_inverse, model.B);
 }
 
+namespace {
+
+bool IsSame(const ReducedModel::Run& a, const ReducedModel::Run& b) {
+  return a.begin == b.begin && a.size == b.size;
+}
+
+// Rows from i on, at most four, that reach the same columns: 4, 2 or 1.
+int CountAlike(const ReducedModel& model, Eigen::Index i, Eigen::Index n) {
+  const ReducedModel::Run* run = model.runs.data() + i;
+  if (i + 1 >= n || !IsSame(run[0], run[1])) return 1;
+  return i + 3 < n && IsSame(run[0], run[2]) && IsSame(run[0], run[3]) ? 4 : 2;
+}
+
+// q [4] += four rows of Q, `stride` apart, times z.
+void AddFourProducts(const double* row, std::ptrdiff_t stride, const double* z, int size, double* q) {
+  Quad sum[4];
+  for (Quad& s : sum) s.setZero();
+  ByFours(size, [&](const auto& at) {
+    constexpr int kSize = decltype(at(row))::RowsAtCompileTime;
+    for (int i = 0; i < 4; ++i) sum[i].head<kSize>() += at(row + i * stride).cwiseProduct(at(z));
+  });
+  for (int i = 0; i < 4; ++i) q[i] += sum[i].sum();
+}
+
+}  // namespace
+
+// Rows four by four where they reach the same columns, at least four: shorter ones cost less than to compare them.
 void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z, VectorX& q) {
-  const auto r = Q.cols();
-  for (Eigen::Index i = 0; i < Q.rows(); ++i) {
+  const auto n = Q.rows(), r = Q.cols();
+  for (Eigen::Index i = 0; i < n; ++i) {
     const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
     const double *row = Q.data() + i * r + run.begin, *rates = z.data() + run.begin;
+    if (run.size >= 4 && CountAlike(model, i, n) == 4) {
+      AddFourProducts(row, r, rates, run.size, q.data() + i);
+      i += 3;
+      continue;
+    }
     Quad sum = Quad::Zero();
     ByFours(run.size, [&](const auto& at) {
       constexpr int kSize = decltype(at(row))::RowsAtCompileTime;
@@ -65,29 +97,30 @@ void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z,
   }
 }
 
-namespace {
-
-bool IsSame(const ReducedModel::Run& a, const ReducedModel::Run& b) {
-  return a.begin == b.begin && a.size == b.size;
-}
-
-}  // namespace
-
-// Rows two by two where they reach the same columns.
+// Rows four by four or two by two.
 void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f) {
   const auto n = Q.rows(), r = Q.cols();
   f.setZero(r);
   for (Eigen::Index i = 0; i < n;) {
     const ReducedModel::Run run = model.runs[static_cast<std::size_t>(i)];
-    const double* row = Q.data() + i * r + run.begin;
+    const double *row = Q.data() + i * r + run.begin, *force = g.data() + i;
     double* out = f.data() + run.begin;
-    const double force = g(i++);
-    if (i < n && IsSame(model.runs[static_cast<std::size_t>(i)], run)) {
-      const double* below = row + r;
-      const double force_below = g(i++);
-      ByFours(run.size, [&](const auto& at) { at(out) += force * at(row) + force_below * at(below); });
+    const int alike = CountAlike(model, i, n);
+    i += alike;
+    if (alike == 4) {
+      const double f0 = force[0], f1 = force[1], f2 = force[2], f3 = force[3];
+      ByFours(run.size, [&](const auto& at) {
+        typename decltype(at(out))::PlainObject sum = at(out);
+        sum += f0 * at(row) + f1 * at(row + r);
+        sum += f2 * at(row + 2 * r) + f3 * at(row + 3 * r);
+        at(out) = sum;
+      });
+    } else if (alike == 2) {
+      const double f0 = force[0], f1 = force[1];
+      ByFours(run.size, [&](const auto& at) { at(out) += f0 * at(row) + f1 * at(row + r); });
     } else {
-      ByFours(run.size, [&](const auto& at) { at(out) += force * at(row); });
+      const double f0 = force[0];
+      ByFours(run.size, [&](const auto& at) { at(out) += f0 * at(row); });
     }
   }
 }

@@ -246,7 +246,8 @@ void LoopRows::Apply(const VectorX& A, const VectorX& x, VectorX& y) const {
 void LoopRows::Apply(const VectorX& A, const RowMatrixX& X, RowMatrixX& Y) const {
   FORK1S_REQUIRE(Y.rows() == size() && Y.cols() >= X.cols(), Y.rows(), Y.cols());
   const auto columns = static_cast<int>(X.cols());
-  for (int i = 0; i < size(); ++i) std::fill(Row(Y, i) + columns, Row(Y, i) + Y.cols(), 0.0);
+  if (columns < Y.cols())
+    for (int i = 0; i < size(); ++i) std::fill(Row(Y, i) + columns, Row(Y, i) + Y.cols(), 0.0);
   for (const Block& b : blocks_)
     ForRows(b.rows, [&]<int kRows>() {
       TakeApplied<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count}, X.data(),
@@ -314,19 +315,23 @@ LoopFactor::LoopFactor(const LoopRows& rows) {
 
 namespace {
 
-// out (from row to row, `size` from column to column) = Σ_k A_k B_kᵀ over pairs of values, kQuads fours of
-// rows by kColumns columns of which `rows` x `columns` count.
-template <int kQuads, int kColumns, class Shared>
-void AssignProducts(const double* A, const double* B, const Shared* first, const Shared* last, int rows,
-                    int columns, double* out, int size) {
-  using Rows = Eigen::Matrix<double, 4 * kQuads, 1>;
+// out (from row to row, `size` from column to column) = Σ_k A_k B_kᵀ over pairs of values, kRows rows by kColumns
+// columns of which `columns` count.
+template <int kRows, int kColumns, class Shared>
+void AssignProducts(const double* A, const double* B, const Shared* first, const Shared* last, int columns,
+                    double* out, int size) {
+  using Rows = Eigen::Matrix<double, (kRows + 3) / 4 * 4, 1>;
   Rows sum[kColumns];
   for (Rows& column : sum) column.setZero();
   for (const Shared* s = first; s != last; ++s) {
     const Rows a = Eigen::Map<const Rows>(A + s->a);
     for (int j = 0; j < kColumns; ++j) sum[j] += B[s->b + j] * a;
   }
-  for (int j = 0; j < columns; ++j, out += size) CopyRows(sum[j].data(), rows, out);
+  for (int j = 0; j < kColumns && j < columns; ++j) {
+    const double* from = sum[j].data();
+    double* to = out + j * size;
+    ByFours(kRows, [&](const auto& at) { at(to) = at(from); });
+  }
 }
 
 }  // namespace
@@ -337,12 +342,13 @@ void LoopFactor::Compute(const LoopRows& rows, const VectorX& A, const VectorX& 
     const LoopRows::Pair& pair = rows.pairs_[p];
     const LoopRows::Block& a = rows.blocks_[static_cast<std::size_t>(pair.block_a)];
     const LoopRows::Block& b = rows.blocks_[static_cast<std::size_t>(pair.block_b)];
-    const auto assign = a.rows <= 4   ? b.rows <= 3 ? &AssignProducts<1, 3, LoopRows::Shared>
-                                                    : &AssignProducts<1, 6, LoopRows::Shared>
-                          : b.rows <= 3 ? &AssignProducts<2, 3, LoopRows::Shared>
-                                      : &AssignProducts<2, 6, LoopRows::Shared>;
-    assign(A.data(), B.data(), rows.shared_.data() + pair.first, rows.shared_.data() + pair.last, a.rows,
-           b.rows, lu_.values() + places_[p].begin, places_[p].stride);
+    const LoopRows::Shared *first = rows.shared_.data() + pair.first, *last = rows.shared_.data() + pair.last;
+    double* const out = lu_.values() + places_[p].begin;
+    ForRows(a.rows, [&]<int kRows>() {
+      const auto assign = b.rows <= 3 ? &AssignProducts<kRows, 3, LoopRows::Shared>
+                                      : &AssignProducts<kRows, 6, LoopRows::Shared>;
+      assign(A.data(), B.data(), first, last, b.rows, out, places_[p].stride);
+    });
   }
   ok_ = lu_.Factor();
 }
