@@ -14,6 +14,7 @@
 #include <sstream>
 #include <system_error>
 
+#include "child_reader.hpp"
 #include "command.hpp"
 #include "command_line.hpp"
 #include "print.hpp"
@@ -61,6 +62,7 @@ constexpr const char* kOutOfMemory = "fork1s: out of memory; what was recorded u
 
 // What the command line asks for.
 int Perform(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], kReaderArgument) == 0) return RunReader(argc - 1, argv + 1);
   CLI::App app{
       "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact",
       "fork1s"};
