@@ -121,5 +121,7 @@ int main(int argc, char** argv) {
   std::set_terminate(EndWithSentence);
   fork1s::LeaveHdf5AsItIsAtExit();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is told as a full disk is
+  std::signal(SIGCHLD,
+              SIG_DFL);  // whoever starts the program may ignore it, and then no child's end is known
   return CheckPrinted(Guard(argc, argv));
 }

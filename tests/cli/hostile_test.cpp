@@ -319,6 +319,14 @@ TEST(Hostile, ModelsThatCrashTheirReader) {
   }
 }
 
+TEST(Hostile, ReadersThatCrashAreToldWhereTheCallerIgnoresItsChildren) {
+  Write("skin.glb", SkinnedGlb());
+  const Outcome o =
+      Shell("trap '' CHLD; timeout -s KILL 60 " FORK1S_BINARY " inspect " + ModelsWith("skin.glb")[1]);
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("brought its reader down"), std::string::npos) << o.err;
+}
+
 TEST(Hostile, ReadersThatTakeTooLongAreEnded) {
   const Outcome o = Try("inspect --read-time 0.5 " + Write("slow.urdf", SlowModel()));
   EXPECT_EQ(o.code, 3) << o.err;
