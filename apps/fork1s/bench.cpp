@@ -14,6 +14,7 @@
 #include "bench_output.hpp"
 #include "bench_scenes.hpp"
 #include "checks.hpp"
+#include "model_arguments.hpp"
 #include "print.hpp"
 #include "progress.hpp"
 
@@ -56,17 +57,27 @@ BenchOptions OptionsFor(const BenchModel& model, const BenchArguments& args) {
   return options;
 }
 
+// Measurements read the model in this process, beside other simulators: a child reads it first.
+template <class Measure>
+auto MeasureReadable(const BenchOptions& options, const Measure& measure) -> decltype(measure(options)) {
+  ModelArguments model;
+  model.path = options.model_path;
+  if (const auto read = model.Load(); !read) return tl::unexpected(read.error());
+  return measure(options);
+}
+
 Expected<void> MeasureParts(const std::vector<BenchModel>& models, const BenchArguments& args,
                             BenchResults& results) {
   if (args.Wants("many"))
     for (const BenchModel& model : models) {
-      auto many = MeasureMany(OptionsFor(model, args), kInstances);
+      auto many = MeasureReadable(OptionsFor(model, args),
+                                  [](const BenchOptions& o) { return MeasureMany(o, kInstances); });
       if (!many) return tl::unexpected(many.error());
       results.many.insert(results.many.end(), many->begin(), many->end());
     }
   if (args.Wants("stability"))
     for (const BenchModel& model : models) {
-      auto stability = MeasureBenchStability(OptionsFor(model, args));
+      auto stability = MeasureReadable(OptionsFor(model, args), MeasureBenchStability);
       if (!stability) return tl::unexpected(stability.error());
       results.stability.push_back(std::move(*stability));
     }
@@ -162,7 +173,7 @@ int RunBench(const BenchArguments& args) {
                   model.name, std::filesystem::path(model.path).replace_extension(".csv").string());
       options.step_command = StepCommand(options);
       options.progress = [&](double share) { bar.Update(share); };
-      auto scene = MeasureBench(options);
+      auto scene = MeasureReadable(options, MeasureBench);
       if (!scene) {
         if (args.scenes.size() == 1) return Report(scene.error(), args.json);
         code = Report(scene.error(), false);

@@ -7,8 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "guarded_load.hpp"
-
 namespace fork1s::app {
 namespace {
 
@@ -128,18 +126,11 @@ void Compare(const std::vector<Tunable>& wanted, const Expected<ImportedScene>& 
   }
 }
 
-Expected<ImportedScene> LoadGuarded(const ModelArguments& model, const std::vector<std::string>& options,
-                                    const std::atomic<bool>& stop) {
-  if (auto apart = LoadApart(model, options, stop); !apart) return tl::unexpected(apart.error());
-  return model.Load();
-}
-
-Expected<WrittenCopy> Write(const ModelArguments& model, const std::vector<std::string>& view_options,
-                            const std::vector<ServoShare>& servos, const CopyRequest& request,
-                            const std::atomic<bool>& stop) {
+Expected<WrittenCopy> Write(const ModelArguments& model, const std::vector<ServoShare>& servos,
+                            const CopyRequest& request, const std::atomic<bool>& stop) {
   WrittenCopy out;
   // The file may have changed since this session read it.
-  if (auto apart = LoadApart(model, view_options, stop); !apart) return tl::unexpected(apart.error());
+  if (const auto read = model.Load(stop); !read) return tl::unexpected(read.error());
   const auto text = ReadModelText(model.path);
   if (!text) return tl::unexpected(text.error());
   std::string name = "kept";
@@ -170,18 +161,17 @@ Expected<WrittenCopy> Write(const ModelArguments& model, const std::vector<std::
     copy.base_pose.clear();
     copy.coordinates.clear();
   }
-  Compare(request.changed, LoadGuarded(copy, view_options, stop), out);
+  Compare(request.changed, copy.Load(stop), out);
   return out;
 }
 
 }  // namespace
 
-ModelFile FileOf(const ModelArguments& model, const std::vector<std::string>& options,
-                 const ImportReport& report, const std::atomic<bool>& stop) {
+ModelFile FileOf(const ModelArguments& model, const ImportReport& report, const std::atomic<bool>& stop) {
   ModelFile file;
   file.servos = Shares(report);
-  file.write = [model, options, servos = file.servos, &stop](const CopyRequest& request) {
-    return Write(model, options, servos, request, stop);
+  file.write = [model, servos = file.servos, &stop](const CopyRequest& request) {
+    return Write(model, servos, request, stop);
   };
   return file;
 }

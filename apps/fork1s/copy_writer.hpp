@@ -3,17 +3,13 @@
 
 #include <atomic>
 #include <fork1s/server/model_file.hpp>
-#include <string>
-#include <vector>
 
 #include "model_arguments.hpp"
 
 namespace fork1s::app {
 
 /// Writes copies beside the file, never over one that is there, and reads each again: what it then does not
-/// say is told. The file and its copy are read in another process first, with `options` of view, until it
-/// ends or `stop` is set (LoadApart).
-ModelFile FileOf(const ModelArguments& model, const std::vector<std::string>& options,
-                 const ImportReport& report, const std::atomic<bool>& stop);
+/// say is told. The file and its copy are read in a child process first, until it ends or `stop` is set.
+ModelFile FileOf(const ModelArguments& model, const ImportReport& report, const std::atomic<bool>& stop);
 
 }  // namespace fork1s::app

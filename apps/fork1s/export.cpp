@@ -124,6 +124,8 @@ int ExportModel(const ExportArguments& args) {
     return refuse({ErrorCode::kUsage, args.model.path,
                    "is a recording, which has no model file to write; give the MJCF or URDF in its place"});
   if (auto ok = RefuseForeignOptions(args, true); !ok) return refuse(ok.error());
+  // Writing needs the compiled model in this process: a child reads it first.
+  if (const auto read = args.model.Load(); !read) return refuse(read.error());
   const auto written = args.model.WriteMjcf(args.out);
   if (!written) return refuse(written.error());
   if (args.model.json) {

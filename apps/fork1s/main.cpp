@@ -14,6 +14,7 @@
 #include <sstream>
 #include <system_error>
 
+#include "child_reader.hpp"
 #include "command.hpp"
 #include "command_line.hpp"
 #include "print.hpp"
@@ -61,6 +62,7 @@ constexpr const char* kOutOfMemory = "fork1s: out of memory; what was recorded u
 
 // What the command line asks for.
 int Perform(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], kReaderArgument) == 0) return RunReader(argc - 1, argv + 1);
   CLI::App app{
       "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact",
       "fork1s"};
@@ -119,5 +121,7 @@ int main(int argc, char** argv) {
   std::set_terminate(EndWithSentence);
   fork1s::LeaveHdf5AsItIsAtExit();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is told as a full disk is
+  std::signal(SIGCHLD,
+              SIG_DFL);  // whoever starts the program may ignore it, and then no child's end is known
   return CheckPrinted(Guard(argc, argv));
 }

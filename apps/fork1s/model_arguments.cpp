@@ -11,6 +11,7 @@
 #include <fork1s/mechanism/names.hpp>
 
 #include "checks.hpp"
+#include "child_reader.hpp"
 #include "held_errors.hpp"
 
 namespace fork1s::app {
@@ -143,6 +144,8 @@ void ModelArguments::AddTo(CLI::App& command) {
           "below AMENT_PREFIX_PATH, ROS_PACKAGE_PATH and above the file")
       ->take_all()
       ->allow_extra_args(false);
+  command.add_option("--read-time", read_time, "end reading after this many seconds (default 60)")
+      ->check(PositiveUpTo(kMostSeconds));
   command.option_defaults()->group("Options");
   command.add_flag("--json", json, "print one JSON object and nothing else");
 }
@@ -247,7 +250,13 @@ auto ReadAsTyped(const Read& read) {
 
 }  // namespace
 
-Expected<ImportedScene> ModelArguments::Load() const {
+Expected<ImportedScene> ModelArguments::Load(const std::atomic<bool>& stop) const {
+  // A wrong option is told before a process is started.
+  if (const auto options = Options(); !options) return tl::unexpected(options.error());
+  return ReadInChild(*this, stop);
+}
+
+Expected<ImportedScene> ModelArguments::Read() const {
   const auto options = Options();
   if (!options) return tl::unexpected(options.error());
   auto loaded = ReadAsTyped([&] { return LoadMechanism(path, *options); });

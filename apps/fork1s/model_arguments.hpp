@@ -1,6 +1,7 @@
 // The arguments that say which model is meant, shared by all commands that take one.
 #pragma once
 
+#include <atomic>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/study/mjcf_file.hpp>
 #include <fork1s/world/world.hpp>
@@ -14,6 +15,8 @@ namespace fork1s::app {
 
 /// The group of the options that AddTo adds.
 inline constexpr const char* kModelOptions = "Options of the model, the same in every command";
+
+inline const std::atomic<bool> kNeverStopped{false};
 
 struct ModelArguments {
   std::string path;
@@ -29,10 +32,14 @@ struct ModelArguments {
   bool keep_start = false;
   std::string ground;                 // "under", or a height
   std::vector<std::string> packages;  // "NAME=DIR"
+  double read_time = 60;              // limit of Load, s
   bool json = false;
 
   void AddTo(CLI::App& command);
-  Expected<ImportedScene> Load() const;
+  /// Reads the model in a child process (ReadInChild), until `stop` is set.
+  Expected<ImportedScene> Load(const std::atomic<bool>& stop = kNeverStopped) const;
+  /// Reads the model in this process. Errors: those of LoadMechanism, with options as they were typed.
+  Expected<ImportedScene> Read() const;
   /// WriteMjcfFile of the model with these options.
   Expected<MjcfModel> WriteMjcf(const std::string& out) const;
   /// ShareWithMuJoCo of the model with these options.

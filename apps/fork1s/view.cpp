@@ -20,7 +20,6 @@
 
 #include "checks.hpp"
 #include "copy_writer.hpp"
-#include "guarded_load.hpp"
 #include "model_arguments.hpp"
 #include "model_watch.hpp"
 #include "output.hpp"
@@ -35,7 +34,7 @@ struct ViewArguments {
   std::optional<Integrator> integrator;  // as given
   ModelArguments model;
   int port = 8080;
-  bool no_open = false, no_token = false, no_watch = false, only_load = false;
+  bool no_open = false, no_token = false, no_watch = false;
   double dt = 0, time = 0;
   std::string controls;  // path; empty: none
   Recovery recovery = Recovery::kExact;
@@ -68,17 +67,8 @@ std::optional<LaunchFile> OpenBrowser(const std::string& page) {
   _exit(127);
 }
 
-// Those of view itself that LoadApart needs to prepare the same simulation.
-std::vector<std::string> OptionsOf(const ViewArguments& args) {
-  std::vector<std::string> options{std::string("--recovery=") + Name(args.recovery)};
-  if (args.dt > 0) options.push_back(fmt::format("--dt={}", args.dt));
-  if (args.integrator) options.push_back(std::string("--integrator=") + Name(*args.integrator));
-  if (!args.controls.empty()) options.push_back("--controls=" + args.controls);
-  return options;
-}
-
-Expected<LiveSimulation> Prepare(const ViewArguments& args) {
-  auto imported = args.model.Load();
+Expected<LiveSimulation> Prepare(const ViewArguments& args, const std::atomic<bool>& stop) {
+  auto imported = args.model.Load(stop);
   if (!imported) return tl::unexpected(imported.error());
   InputArguments table;
   table.controls = args.controls;
@@ -94,7 +84,7 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
   // With its folder: many models are called scene.xml.
   const std::filesystem::path path(args.model.path);
   const std::string title = (path.parent_path().filename() / path.filename()).string();
-  ModelFile file = FileOf(args.model, OptionsOf(args), imported->report, stop_requested);
+  ModelFile file = FileOf(args.model, imported->report, stop_requested);
   auto live = LiveSimulation::Create(std::move(imported->scene), options, title, std::move(file));
   if (!live) {
     Error error = live.error();
@@ -108,11 +98,6 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args) {
     PrintText(stderr, "warning: {}\n", sentence);
   live->Play(std::move(inputs->controls), std::move(inputs->pushes.front()));
   return live;
-}
-
-Expected<LiveSimulation> LoadAnew(const ViewArguments& args, const std::atomic<bool>& stop) {
-  if (auto apart = LoadApart(args.model, OptionsOf(args), stop); !apart) return tl::unexpected(apart.error());
-  return Prepare(args);
 }
 
 // The model goes on as it was while its file cannot be used, and the pages say why.
@@ -188,14 +173,13 @@ int Run(const ViewArguments& args) {
   if (page.empty()) return Report(NoPage(), args.model.json);
   if (IsHdf5(args.model.path)) return RunReplay(args);
   const auto seen = StampOf(args.model.path);  // before it is read, so that no change is missed
-  auto live = Prepare(args);
+  auto live = Prepare(args, stop_requested);
   if (!live) return Report(live.error(), args.model.json);
-  if (args.only_load) return kDone;
   return Serve(args, page, [&](LiveServer& server) {
     std::optional<ModelWatch> watch;
     if (!args.no_watch)
       watch.emplace(args.model.path, seen,
-                    [&args](const std::atomic<bool>& stop) { return LoadAnew(args, stop); });
+                    [&args](const std::atomic<bool>& stop) { return Prepare(args, stop); });
     Loop(*live, server, watch ? &*watch : nullptr, args.time);
   });
 }
@@ -215,7 +199,6 @@ void AddView(CLI::App& app, Action& action) {
   command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
-  command->add_flag("--only-load", args->only_load, "read the model and end")->group("");
   command->add_option("--controls", args->controls,
                       "CSV of control values and pushes, as of run; a slider takes its control out of it");
   AddIntegratorTo(*command, args->integrator);

@@ -238,9 +238,10 @@ class Search {
     const Vector3 first = a_.unitOrthogonal(), second = a_.cross(first);
     const double uD = u.dot(D), u1 = first[i], u2 = second[i], D1 = D.dot(first), D2 = D.dot(second);
     const auto at = [&](double cosine, double sine, double& slope) {
-      const double ue = cosine * u1 + sine * u2, ut = cosine * u2 - sine * u1, De = cosine * D1 + sine * D2;
-      slope = -De - r_ * ut * ut + (uD + r_ * ue) * ue;
-      return cosine * D2 - sine * D1 - (uD + r_ * ue) * ut;
+      const double u_e = cosine * u1 + sine * u2, u_t = cosine * u2 - sine * u1,
+                   D_e = cosine * D1 + sine * D2;
+      slope = -D_e - r_ * u_t * u_t + (uD + r_ * u_e) * u_e;
+      return cosine * D2 - sine * D1 - (uD + r_ * u_e) * u_t;
     };
     double slope = 0, after = at(kSamples[0].first, kSamples[0].second, slope);
     for (int k = 0; k < kNumSamples; ++k) {

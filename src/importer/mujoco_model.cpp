@@ -262,10 +262,6 @@ void EditableModel::VfsDeleter::operator()(mjVFS* vfs) const {
 }
 
 Expected<EditableModel> EditableModel::Parse(ModelSource source) {
-  // The reader's table of elements. Where memory ends while it builds that, its exception finds no handler of this
-  // program's.
-  constexpr std::size_t kSchema = std::size_t{4} << 20;
-  ::operator delete(::operator new(kSchema));
   EditableModel out;
   out.source_ = std::move(source);
   HandlerScope handlers(&out.warnings_);

@@ -53,6 +53,14 @@ struct EnumNames<DetailLevel> {
                                                                    {DetailLevel::kAll, "all"}};
 };
 
+template <>
+struct EnumNames<ImportNote::Kind> {
+  static constexpr std::pair<ImportNote::Kind, const char*> kNames[] = {
+      {ImportNote::Kind::kDropped, "dropped"},
+      {ImportNote::Kind::kChanged, "changed"},
+      {ImportNote::Kind::kChosen, "chosen"}};
+};
+
 template <class A>
 void Fields(A& a, Like<Sphere, A>& s) {
   a("radius", s.radius);
@@ -240,6 +248,37 @@ void Fields(A& a, Like<Scene, A>& s) {
   a("name", name), a("gravity", gravity), a("timestep", timestep), a("mechanisms", mechanisms);
   a("free_bodies", free_bodies), a("world", world), a("excluded_pairs", excluded_pairs),
       a("contact_pairs", contact_pairs), a("keyframes", keyframes);
+}
+
+template <class A>
+void Fields(A& a, Like<ImportNote, A>& s) {
+  auto& [kind, where, message] = s;
+  a("kind", kind), a("where", where), a("message", message);
+}
+
+template <class A>
+void Fields(A& a, Like<JointHold, A>& s) {
+  auto& [joint, held_by] = s;
+  a("joint", joint), a("held_by", held_by);
+}
+
+template <class A>
+void Fields(A& a, Like<ServoGains, A>& s) {
+  auto& [mechanism, control, stiffness, damping, bias, at_reference] = s;
+  a("mechanism", mechanism), a("control", control), a("stiffness", stiffness), a("damping", damping);
+  a("bias", bias), a("at_reference", at_reference);
+}
+
+template <class A>
+void Fields(A& a, Like<ImportReport, A>& s) {
+  auto& [format, notes, holds, servos] = s;
+  a("format", format), a("notes", notes), a("holds", holds), a("servos", servos);
+}
+
+template <class A>
+void Fields(A& a, Like<ImportedScene, A>& s) {
+  auto& [scene, report, initial_keyframe] = s;
+  a("scene", scene), a("report", report), a("initial_keyframe", initial_keyframe);
 }
 
 template <class A>

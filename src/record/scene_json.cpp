@@ -171,11 +171,15 @@ Expected<T> Read(const ModelText& text, const std::string& where) {
 }  // namespace internal
 
 ModelText WriteScene(const Scene& scene) { return internal::Write(scene); }
+ModelText WriteImportedScene(const ImportedScene& imported) { return internal::Write(imported); }
 ModelText WriteMechanism(const MechanismDef& definition) { return internal::Write(definition); }
 std::string WriteOptions(const SimulationOptions& options) { return internal::Write(options).json; }
 
 Expected<Scene> ReadScene(const ModelText& text, const std::string& where) {
   return internal::Read<Scene>(text, where);
+}
+Expected<ImportedScene> ReadImportedScene(const ModelText& text, const std::string& where) {
+  return internal::Read<ImportedScene>(text, where);
 }
 Expected<MechanismDef> ReadMechanism(const ModelText& text, const std::string& where) {
   return internal::Read<MechanismDef>(text, where);

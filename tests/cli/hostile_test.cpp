@@ -271,5 +271,81 @@ TEST(Hostile, MeshesThatNameWhatIsNotThere) {
   }
 }
 
+// A tetrahedron whose skin has no inverseBindMatrices, which glTF allows.
+std::string SkinnedGlb() {
+  std::string json =
+      R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0,"skin":0},{}],)"
+      R"("skins":[{"joints":[1]}],"meshes":[{"primitives":[{"attributes":{"POSITION":0,"JOINTS_0":2,)"
+      R"("WEIGHTS_0":3},"indices":1}]}],"buffers":[{"byteLength":152}],"bufferViews":[)"
+      R"({"buffer":0,"byteOffset":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":24},)"
+      R"({"buffer":0,"byteOffset":72,"byteLength":16},{"buffer":0,"byteOffset":88,"byteLength":64}],"accessors":[)"
+      R"({"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[0.1,0.1,0.1]},)"
+      R"({"bufferView":1,"componentType":5123,"count":12,"type":"SCALAR"},)"
+      R"({"bufferView":2,"componentType":5121,"count":4,"type":"VEC4"},)"
+      R"({"bufferView":3,"componentType":5126,"count":4,"type":"VEC4"}]})";
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  const std::string bytes = Bits<float>({0, 0, 0, .1f, 0, 0, 0, .1f, 0, 0, 0, .1f}) +
+                            Bits<std::uint16_t>({0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3}) +
+                            std::string(16, '\0') +
+                            Bits<float>({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
+  const auto size = [](const std::string& part) { return static_cast<std::uint32_t>(part.size()); };
+  return "glTF" + Bits<std::uint32_t>({2, 28 + size(json) + size(bytes), size(json)}) + "JSON" + json +
+         Bits<std::uint32_t>({size(bytes)}) + std::string("BIN\0", 4) + bytes;
+}
+
+// MuJoCo's compiler aborts, and Assimp follows a null pointer.
+TEST(Hostile, ModelsThatCrashTheirReader) {
+  const std::string sphere = Write(
+      "sphere.xml",
+      "<mujoco><asset><mesh name=\"m\" builtin=\"supersphere\" params=\"20000 1 1\"/></asset><worldbody>"
+      "<body pos=\"0 0 1\"><joint type=\"slide\" stiffness=\"10\"/><geom type=\"mesh\" mesh=\"m\"/></body>"
+      "</worldbody></mujoco>");
+  Write("skin.glb", SkinnedGlb());
+  const std::string skin = ModelsWith("skin.glb")[1];
+  const std::string out = (ScratchFolder() / "crashed").string();
+  for (const std::string& command :
+       {"inspect " + sphere, "run --time 0.1 " + sphere, "reduce " + sphere,
+        "statics " + sphere + " --body m", "bench " + sphere + " --peers none",
+        "view --no-open --port 0 --time 1 " + sphere, "compare " + sphere,
+        "export " + sphere + " " + out + ".xml", "inspect " + skin, "run --time 0.1 " + skin}) {
+    const Outcome o = Try(command);
+    if (o.err.find("page") != std::string::npos) continue;  // this program was built without its page
+    EXPECT_EQ(o.code, 3) << command << o.err;
+    EXPECT_NE(o.err.find("brought its reader down"), std::string::npos) << command << o.err;
+    EXPECT_TRUE(o.err.find("sphere.xml: ") != std::string::npos ||
+                o.err.find("mesh.urdf: ") != std::string::npos)
+        << o.err;
+    EXPECT_LE(std::count(o.err.begin(), o.err.end(), '\n'), 2) << command << o.err;  // bench has a note, too
+  }
+}
+
+TEST(Hostile, ReadersThatCrashAreToldWhereTheCallerIgnoresItsChildren) {
+  Write("skin.glb", SkinnedGlb());
+  const Outcome o =
+      Shell("trap '' CHLD; timeout -s KILL 60 " FORK1S_BINARY " inspect " + ModelsWith("skin.glb")[1]);
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("brought its reader down"), std::string::npos) << o.err;
+}
+
+TEST(Hostile, ReadersThatTakeTooLongAreEnded) {
+  const Outcome o = Try("inspect --read-time 0.5 " + Write("slow.urdf", SlowModel()));
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("slow.urdf: was not read within 0.5 s"), std::string::npos) << o.err;
+}
+
+TEST(Hostile, ModelsThatNeedMoreMemoryThanThereIs) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "the sanitizer takes terabytes of addresses";
+#endif
+  std::string fields;
+  for (int i = 0; i < 20; ++i)
+    fields += "<hfield name=\"h" + std::to_string(i) + "\" nrow=\"4000\" ncol=\"4000\" size=\"1 1 1 1\"/>";
+  const std::string model = Write("fields.xml", Model("<asset>" + fields + "</asset>"));
+  const Outcome o = Shell("ulimit -v 1000000; timeout -s KILL 60 " FORK1S_BINARY " inspect " + model);
+  EXPECT_EQ(o.code, 3) << o.err;
+  EXPECT_NE(o.err.find("fields.xml"), std::string::npos) << o.err;
+  EXPECT_NE(o.err.find("memory"), std::string::npos) << o.err;
+}
+
 }  // namespace
 }  // namespace fork1s::test

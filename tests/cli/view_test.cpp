@@ -171,25 +171,7 @@ std::optional<pid_t> ChildOf(pid_t parent) {
   return {};
 }
 
-// A chain that takes the reader a while.
-std::string SlowModel() {
-  std::string text = "<robot name=\"slow\"><link name=\"l0\"/>";
-  for (int i = 1; i < 700; ++i) {
-    const std::string n = std::to_string(i), before = std::to_string(i - 1);
-    text += "<link name=\"l" + n +
-            "\"><inertial><mass value=\"0.1\"/><inertia ixx=\"1e-3\" iyy=\"1e-3\" izz=\"1e-3\" "
-            "ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link><joint name=\"j" +
-            n +
-            "\" type=\"revolute\"><parent "
-            "link=\"l" +
-            before + "\"/><child link=\"l" + n +
-            "\"/><origin xyz=\"0.01 0 0\"/><axis xyz=\"0 1 0\"/>"
-            "<limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>\n";
-  }
-  return text + "</robot>";
-}
-
-// The process in which the session reads a slow model, once it has read for a while.
+// The process in which the session reads a model, once it has read for a while.
 std::optional<pid_t> ReaderOf(const Session& session) {
   for (int i = 0; i < 3000; ++i) {
     usleep(10000);

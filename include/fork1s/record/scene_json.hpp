@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
@@ -22,6 +23,7 @@ struct ModelText {
 /// Finite doubles are written with the digits that give the same bits back, others as "inf", "-inf" and
 /// "nan".
 ModelText WriteScene(const Scene& scene);
+ModelText WriteImportedScene(const ImportedScene& imported);
 ModelText WriteMechanism(const MechanismDef& definition);
 std::string WriteOptions(const SimulationOptions& options);
 
@@ -29,6 +31,7 @@ std::string WriteOptions(const SimulationOptions& options);
 /// path such as "mechanisms[0].bodies[3].inertia.mass". `where` opens the message, such as a file name.
 /// Whether the result can be simulated is for BuildMechanism to say.
 Expected<Scene> ReadScene(const ModelText& text, const std::string& where);
+Expected<ImportedScene> ReadImportedScene(const ModelText& text, const std::string& where);
 Expected<MechanismDef> ReadMechanism(const ModelText& text, const std::string& where);
 Expected<SimulationOptions> ReadOptions(const std::string& json, const std::string& where);
 
