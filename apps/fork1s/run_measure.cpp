@@ -222,6 +222,8 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.refreshes += report.refreshes;
     AddRelinearizations(report, simulation.world(), out.refreshes_by_cause);
     out.failed_refreshes += report.failed_refreshes;
+    out.expansions += report.expansions;
+    out.expanded_steps += report.by_expansion > 0 ? 1 : 0;
     out.steps_at_bound += report.forces_at_bound > 0 ? 1 : 0;
     out.most_at_bound = std::max(out.most_at_bound, report.forces_at_bound);
     out.contacts_dropped |= report.contacts_dropped;

@@ -29,6 +29,7 @@ std::vector<AppliedWrench> ApplyPushes(const RunInputs& inputs, double end, Simu
 struct Measured {
   std::vector<double> step_us;
   int contacts_max = 0, unconverged = 0, refreshes = 0, failed_refreshes = 0;
+  int expansions = 0, expanded_steps = 0;  // steps: of one mechanism or more
   RelinearizationTotals refreshes_by_cause;
   struct Solver {
     std::int64_t solves = 0, iterations = 0;  // steps with a contact that bore something

@@ -124,6 +124,8 @@ Json Summary(const Simulation& simulation, const Measured& m) {
       {"residual_max_N", m.solver.force_max},
       {"residual_max_m_s", m.solver.speed_max}};
   out["refreshes"] = m.refreshes;
+  out["expansions"] = m.expansions;
+  out["expanded_steps"] = m.expanded_steps;
   for (std::size_t i = 0; i < m.refreshes_by_cause.size(); ++i) {
     const RelinearizationTotal& total = m.refreshes_by_cause[i];
     const bool any = total.count > 0;
@@ -283,6 +285,9 @@ void PrintSummary(const Json& d) {
       PrintText("    {} {} {:.3g} {} at most, {}\n", cause["count"].get<int>(), kCauses[i],
                 cause["largest"].get<double>(), cause["unit"].get<std::string>(),
                 cause["of"].get<std::string>());
+  if (const int steps = d["expanded_steps"].get<int>(); steps > 0)
+    PrintText("  expansions      {}; {} steps by them, the others by exact poses\n",
+              d["expansions"].get<int>(), steps);
   if (const Json& servos = d["servos_at_limit"]; servos["steps"].get<int>() > 0)
     PrintText("  servos          {} at most at the limit of their force, in {} steps\n",
               servos["most"].get<int>(), servos["steps"].get<int>());

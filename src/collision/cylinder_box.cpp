@@ -17,7 +17,7 @@ namespace {
 constexpr double kParallel = 1e-10;  // sine: a line lies in a plane
 constexpr double kCertain = 1e-10;   // d - s(n), as a share of both sizes
 constexpr double kAside = 1e-6;      // of y - x beside n, likewise: squared it is what the gap is off by
-constexpr int kNewtonSteps = 20, kProjections = 10;
+constexpr int kNewtonSteps = 50, kProjections = 10;
 
 // Angles about a rim with their cosines and sines.
 constexpr int kNumSamples = 64;
@@ -243,30 +243,35 @@ class Search {
       slope = -D_e - r_ * u_t * u_t + (uD + r_ * u_e) * u_e;
       return cosine * D2 - sine * D1 - (uD + r_ * u_e) * u_t;
     };
-    double slope = 0, after = at(kSamples[0].first, kSamples[0].second, slope);
-    for (int k = 0; k < kNumSamples; ++k) {
-      const auto& [cosine, sine] = kSamples[static_cast<std::size_t>((k + 1) % kNumSamples)];
-      const double before = after;
-      after = at(cosine, sine, slope);
-      if (before * after > 0 || before == after) continue;
-      double angle = (k + before / (before - after)) * kSampleStep;
-      for (int step = 0; step < kNewtonSteps; ++step) {
+    // The root between two angles, f at the lower one below 0 or above it.
+    const auto try_between = [&](double low, double high, bool rises) {
+      double angle = 0.5 * (low + high), slope = 0;
+      for (int step = 0; step < kNewtonSteps && high - low > 1e-15; ++step) {
         const double f = at(std::cos(angle), std::sin(angle), slope);
-        if (!(std::abs(slope) > 0)) break;
-        const double turn = std::clamp(f / slope, -kSampleStep, kSampleStep);
-        angle -= turn;
-        if (std::abs(turn) < 1e-15) break;
+        ((f < 0) == rises ? low : high) = angle;
+        const double next = angle - f / slope;
+        const double before = angle;
+        angle = next > low && next < high ? next : 0.5 * (low + high);
+        if (std::abs(angle - before) < 1e-15) break;
       }
       const Vector3 e = std::cos(angle) * first + std::sin(angle) * second;
       const Vector3 x = end + r_ * e, y = edge + x[i] * u;
-      if (std::abs(x[i]) > b_[i]) continue;
+      if (std::abs(x[i]) > b_[i]) return;
       // Their common normal where they nearly meet, which leaves it unknown where edge and rim are parallel.
       Vector3 n = y - x;
       if (!(n.norm() > enough_)) n = u.cross(a_.cross(e));
       const double length = n.norm();
-      if (!(length > 0)) continue;
+      if (!(length > 0)) return;
       n /= n.dot(e) + side * n.dot(a_) < 0 ? -length : length;
       if (MayBeMore(n.dot(y - x)) && IsBetter(n)) Certify(x, y);
+    };
+    double unused = 0, before = at(kSamples[0].first, kSamples[0].second, unused);
+    for (int k = 0; k < kNumSamples; ++k) {
+      const auto& [cosine, sine] = kSamples[static_cast<std::size_t>((k + 1) % kNumSamples)];
+      const double after = at(cosine, sine, unused);
+      if (before * after <= 0 && before != after)
+        try_between(k * kSampleStep, (k + 1) * kSampleStep, before < after);
+      before = after;
     }
   }
 

@@ -105,6 +105,7 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
   const int r = model.size();
   ws.forces.gravity_W = gravity_W;
   ChooseEvaluator(here);
+  ws.start.by_expansion = ws.is_expanded;
   ws.start.X_WR = state.reduced.X_WR;
   ws.start.V_R = state.reduced.V_R;
   if (ws.is_expanded) {

@@ -73,6 +73,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
 const std::vector<ContactGroup>& MechanismDynamics::groups() const { return model_->groups; }
 Recovery MechanismDynamics::recovery() const { return model_->options.recovery; }
 bool MechanismDynamics::is_expanded() const { return work_->is_expanded; }
+bool MechanismDynamics::went_by_expansion() const { return work_->start.by_expansion; }
 int MechanismDynamics::num_velocities() const { return model_->num_velocities(); }
 const std::vector<Mechanism::LengthLimit>& MechanismDynamics::length_limits() const {
   return model_->length_limits;

@@ -52,6 +52,7 @@ struct StepStart {
   VectorX q_dot;                  // n
   VectorX x;                      // num_velocities
   StageBase base;
+  bool by_expansion = false;  // the step, or its last part
 };
 
 /// The stage at hand; (1) and (2) of implicit_stage.cpp.

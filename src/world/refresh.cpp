@@ -25,8 +25,9 @@ void RefreshIfStale(std::size_t i, double h, const Detection& detection, const C
   refresh.result = 0;
   refresh.drift = m.ComputeLinearizationDrift();
   const bool knows_joint_forces = !m.is_expanded();  // of the step
-  const bool expanded = !(refresh.drift.share > 1) && UpdateExpansion(m, h);
-  if (!(refresh.drift.share > 1) && m.model().has_complement && (expanded || knows_joint_forces)) {
+  refresh.by_expansion = m.went_by_expansion();
+  refresh.expanded = !(refresh.drift.share > 1) && UpdateExpansion(m, h);
+  if (!(refresh.drift.share > 1) && m.model().has_complement && (refresh.expanded || knows_joint_forces)) {
     GatherContactImpulses(i, m, detection, rows, refresh);
     refresh.drift = FindMissingLoad(m, h, refresh.contact_impulses_R);
   }
@@ -34,10 +35,18 @@ void RefreshIfStale(std::size_t i, double h, const Detection& detection, const C
   refresh.result = m.Refresh() ? 1 : -1;
 }
 
+void ExpandIfFar(double h, MechanismDynamics& m, RefreshState& refresh) {
+  refresh.result = 0;
+  refresh.by_expansion = m.went_by_expansion();
+  refresh.expanded = UpdateExpansion(m, h);
+}
+
 void CountRefreshes(const std::vector<RefreshState>& refreshes, StepReport& report) {
   for (std::size_t i = 0; i < refreshes.size(); ++i) {
     const RefreshState& refresh = refreshes[i];
     report.failed_refreshes += refresh.result < 0 ? 1 : 0;
+    report.by_expansion += refresh.by_expansion ? 1 : 0;
+    report.expansions += refresh.expanded ? 1 : 0;
     if (refresh.result <= 0) continue;
     const LinearizationDrift& drift = refresh.drift;
     ++report.refreshes;

@@ -10,6 +10,8 @@ namespace fork1s {
 struct RefreshState {
   int result = 0;               // at the end of the last step: 1 done, -1 failed, 0 not due
   LinearizationDrift drift;     // for which it was due
+  bool by_expansion = false;    // the step
+  bool expanded = false;        // anew, at its end
   Matrix6X contact_impulses_R;  // scratch: of the last stage, 6 x bodies, about R's origin
 };
 
@@ -17,6 +19,8 @@ struct RefreshState {
 /// the step, of length h, lack a column.
 void RefreshIfStale(std::size_t i, double h, const Detection& detection, const ConstraintRows& rows,
                     MechanismDynamics& m, RefreshState& refresh);
+/// Without new references: the expansion that the next step goes by.
+void ExpandIfFar(double h, MechanismDynamics& m, RefreshState& refresh);
 void CountRefreshes(const std::vector<RefreshState>& refreshes, StepReport& report);
 
 }  // namespace fork1s

@@ -104,10 +104,10 @@ StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& sta
       if (options.refresh)
         RefreshIfStale(i, options.h, detection_, rows_, m, refreshes_[i]);
       else
-        UpdateExpansion(m, options.h);
+        ExpandIfFar(options.h, m, refreshes_[i]);
     });
   }
-  if (options.refresh) CountRefreshes(refreshes_, report);
+  CountRefreshes(refreshes_, report);
   return IsFinite(true) ? report : UndoStep(start, report);
 }
 

@@ -137,13 +137,46 @@ TEST(Expanded, FastJointsGoByExactPoses) {
   const Swing swing({}, 2, 1.0 / 60);
   World world = MustStart(swing.definition, VectorX::Zero(swing.m->num_coordinates()), 10 * swing.q_dot,
                           Vector6::Zero(), SteppedBy(Recovery::kExpanded));
-  int expanded = 0, exact = 0;
+  int by_expansion = 0, exact = 0, expansions = 0;
   for (int i = 0; i < 600; ++i) {
-    ASSERT_TRUE(world.Step(swing.step).finite);
-    (world.mechanisms()[0].is_expanded() ? expanded : exact)++;
+    const bool is_expanded = world.mechanisms()[0].is_expanded();
+    const StepReport report = world.Step(swing.step);
+    ASSERT_TRUE(report.finite);
+    EXPECT_LE(report.by_expansion, is_expanded ? 1 : 0);  // not where parts of it went by exact poses
+    (report.by_expansion > 0 ? by_expansion : exact)++;
+    expansions += report.expansions;
   }
   EXPECT_GT(exact, 5);
-  EXPECT_GT(expanded, 10);
+  EXPECT_GT(by_expansion, 10);
+  EXPECT_GT(expansions, 1);
+  EXPECT_LT(6 * expansions,
+            by_expansion + 6);  // so many steps by each at least, but for those of speeding up
+}
+
+// A pose farther from the expansion than three of its angles is none: the step that leads there is halved until it goes
+// by poses within, or by exact ones.
+TEST(Expanded, TurnBeyondItsReach_StepIsTakenInParts) {
+  for (const double turn : {0.3, 1.2}) {  // rad in the first step; three angles are 0.42
+    SCOPED_TRACE(turn);
+    MechanismBuilder builder("spinner");
+    BodyDef link;
+    link.name = "link";
+    link.parent = builder.base();
+    link.inertia = testing::Brick(1, Vector3(0.1, 0.02, 0.02));
+    const BodyIndex body = builder.AddBody(link);
+    builder.AddJoint(JointDef::Hinge("pin", body, Vector3::UnitY(), Vector3(-0.1, 0, 0)).WithSpring(1e-3, 0));
+    builder.SetInterfaces({"link"});
+    const StepOptions step = testing::TwoStage(1.0 / 60, Vector3::Zero());
+    const VectorX q_dot = VectorX::Constant(1, 60 * turn);
+    World world = MustStart(builder.definition(), VectorX::Zero(1), q_dot, Vector6::Zero(),
+                            SteppedBy(Recovery::kExpanded));
+    ASSERT_TRUE(world.mechanisms()[0].is_expanded());
+    const StepReport report = world.Step(step);
+    EXPECT_TRUE(report.finite);
+    EXPECT_EQ(report.parts > 1, turn > 0.42);
+    EXPECT_NEAR(world.mechanisms()[0].configuration().q(0), turn, 1e-3);
+    EXPECT_FALSE(world.mechanisms()[0].is_expanded());
+  }
 }
 
 // However long it goes without a new reference.

@@ -102,6 +102,12 @@ void BindStepReport(nb::module_& m) {
           "displacement with its 'unit' and, by name, whose it was ('of').")
       .def_ro("failed_refreshes", &StepsReport::failed_refreshes,
               "Times that it could not be; the old one stays.")
+      .def_ro(
+          "expanded_steps", &StepsReport::expanded_steps,
+          "Steps in which a mechanism went by an expansion (recovery 'expanded'); the others went by exact "
+          "poses.")
+      .def_ro("expansions", &StepsReport::expansions,
+              "Times that one was expanded anew, beside those with a refresh.")
       .def_ro("contacts_dropped", &StepsReport::contacts_dropped, "The collision detector ran out of room.")
       .def_ro("finite", &StepsReport::finite,
               "False: a step gave numbers that are not finite, or could not be solved even in its shortest "

@@ -29,6 +29,8 @@ void StepsReport::Add(const StepReport& step, const World& world) {
   refreshes += step.refreshes;
   AddRelinearizations(step, world, refreshes_by_cause);
   failed_refreshes += step.failed_refreshes;
+  expansions += step.expansions;
+  expanded_steps += step.by_expansion > 0 ? 1 : 0;
   contacts_dropped = contacts_dropped || step.contacts_dropped;
   finite = finite && step.finite;
   if (step.finite) ++steps;

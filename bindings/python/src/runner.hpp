@@ -37,6 +37,7 @@ struct StepsReport {
   double stage_residual = 0;                          // m, the worst
   std::string halved_by, stage_residual_of;           // names; empty: none
   int refreshes = 0, failed_refreshes = 0;
+  int expansions = 0, expanded_steps = 0;
   RelinearizationTotals refreshes_by_cause;
   bool contacts_dropped = false;
   bool finite = true;

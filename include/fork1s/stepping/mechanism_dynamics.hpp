@@ -39,6 +39,8 @@ class MechanismDynamics {
   Recovery recovery() const;
   /// Whether the pose at hand is told by an expansion.
   bool is_expanded() const;
+  /// Whether the last step, or the last of its parts, went by an expansion.
+  bool went_by_expansion() const;
   /// Number of generalized velocities: r, plus 6 where the base floats.
   int num_velocities() const;
   /// Limits in force: those of the mechanism, widened to the initial pose where that was outside.

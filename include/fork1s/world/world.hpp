@@ -90,6 +90,8 @@ struct StepReport {
   int refreshes = 0;
   std::array<Relinearizations, std::size(kDriftCauseNames)> refreshes_by_cause;  // by DriftCause
   int failed_refreshes = 0;
+  int by_expansion = 0;           // mechanisms that went by an expansion (Recovery::kExpanded)
+  int expansions = 0;             // made at the end of the step, beside those of new references
   bool contacts_dropped = false;  // the collision detector ran out of room
   int stages = 0;                 // implicit stages, those of attempts that were dropped included
   int stage_iterations = 0;       // Newton iterations of all of them; 2 where each of two took one
