@@ -234,6 +234,7 @@ TEST(Expanded, APointGivesWayAsByExactPoses) {
 TEST(Expanded, AStepWithoutAnExpansionDoesNotAllocate) {
   RandomMechanismOptions options;
   options.rigid_closures = 1;
+  options.bounded_servos = 2;
   Swing swing(options, 4, 1.0 / 240);
   swing.q_dot *= 0.05;
   swing.step.gravity.setZero();
