@@ -216,14 +216,15 @@ void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
   });
 }
 
-void AddExpandedOperator(const MechanismStep& here, double b, Eigen::Ref<MatrixX> A) {
+void AddExpandedOperator(const MechanismStep& here, double b) {
   MechanismWorkspace& ws = here.work;
+  MatrixX& A = ws.matrix.A;
   const Expansion& expansion = ws.expanded->expansion;
   const MatrixX& D = ws.expanded_pose.D;
   A += b * (expansion.D + D + D.transpose()) + b * b * expansion.K;
   ForEachServo(here, [&](const Mechanism::ForceLimit& limit, std::size_t k) {
     const double weight = b * limit.damping + b * b * limit.stiffness;
-    if (here.state.at_bound[k] == 0) A.noalias() += weight * ws.length_row * ws.length_row.transpose();
+    if (here.state.at_bound[k] == 0) AddSpringOf(here, limit.length, weight, true);
   });
 }
 

@@ -55,7 +55,7 @@ void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& b
                                    double b);
 /// forces.f_z <- springs, weight and controls.
 void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R);
-/// A += b D + b² K at the pose at hand.
-void AddExpandedOperator(const MechanismStep& here, double b, Eigen::Ref<MatrixX> A);
+/// matrix.A += b D + b² K at the pose at hand.
+void AddExpandedOperator(const MechanismStep& here, double b);
 
 }  // namespace fork1s

@@ -34,7 +34,7 @@ void ComputeMatrix(const MechanismStep& here, double b) {
     ws.matrix.slack_sides[k] = static_cast<signed char>(ws.switched.slack[k].side);
   ws.matrix.A = ws.mass.M;
   if (ws.is_expanded) {
-    AddExpandedOperator(here, b, ws.matrix.A);
+    AddExpandedOperator(here, b);
   } else if (r > 0) {
     auto A_z = ws.matrix.A.bottomRightCorner(r, r);
     A_z += b * model.reduced->D;

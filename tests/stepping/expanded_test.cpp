@@ -241,9 +241,15 @@ TEST(Expanded, AStepWithoutAnExpansionDoesNotAllocate) {
   World world = swing.Start(Recovery::kExpanded);
   for (int i = 0; i < 30; ++i) world.Step(swing.step);
   ASSERT_TRUE(world.mechanisms()[0].is_expanded());
-  const long before = testing::allocations.load();
-  for (int i = 0; i < 20; ++i) world.Step(swing.step);
-  EXPECT_EQ(testing::allocations.load(), before);
+  int counted = 0;
+  for (int i = 0; i < 60; ++i) {
+    const long before = testing::allocations.load();
+    const StepReport report = world.Step(swing.step);
+    if (report.expansions + report.refreshes > 0 || report.by_expansion == 0) continue;
+    EXPECT_EQ(testing::allocations.load(), before) << i;
+    ++counted;
+  }
+  EXPECT_GT(counted, 20);
 }
 
 TEST(Expanded, WhatHasNoExpansionStepsByExactPoses) {
