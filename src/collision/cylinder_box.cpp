@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <utility>
 
 // In the frame of the box, b its half sizes; c, a, r, l the cylinder's centre, axis, radius and half length. Along a unit
@@ -21,7 +22,7 @@ constexpr int kNewtonSteps = 50, kProjections = 10;
 
 // Angles about a rim with their cosines and sines.
 constexpr int kNumSamples = 64;
-constexpr double kSampleStep = 2 * 3.14159265358979323846 / kNumSamples;
+constexpr double kSampleStep = 2 * std::numbers::pi / kNumSamples;
 const std::array<std::pair<double, double>, kNumSamples> kSamples = [] {
   std::array<std::pair<double, double>, kNumSamples> out;
   for (int k = 0; k < kNumSamples; ++k)
