@@ -141,8 +141,9 @@ void Print(const Comparison& c) {
 }
 
 // The inputs as both sides take them, and sentences on what neither takes as it stands.
-Expected<std::vector<std::string>> TakeInputs(const CompareArguments& args, const ImportedScene& imported,
-                                              CompareOptions& options) {
+Expected<std::vector<std::string>> ReadComparedInputs(const CompareArguments& args,
+                                                      const ImportedScene& imported,
+                                                      CompareOptions& options) {
   auto inputs = ReadInputs(args.inputs);
   if (!inputs) return tl::unexpected(inputs.error());
   std::vector<std::string> limits;
@@ -184,7 +185,7 @@ int Run(const CompareArguments& args) {
   options.mujoco_integrator = args.integrator;
   options.model_path = model->path;
   options.model_name = args.model.path;
-  const auto limits = TakeInputs(args, model->imported, options);
+  const auto limits = ReadComparedInputs(args, model->imported, options);
   if (!limits) return Report(limits.error(), json);
   Expected<Comparison> comparison = [&] {
     ProgressBar bar("comparing");

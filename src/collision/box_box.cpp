@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "box_features.hpp"
+
 // In the frame of a, R and p the pose of b. Along a unit vector n the boxes are apart by
 //     s(n) = |n . p| - sum_i |n_i| half_a_i - sum_i |(R' n)_i| half_b_i.
 // In penetration the depth is -max s over the normals of faces and the products of edges, 15 in all. Apart,
@@ -24,24 +26,6 @@ struct NearestPoints {
     }
   }
 };
-
-Vector3 Corner(const Vector3& half, int k) {
-  return half.cwiseProduct(Vector3(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1));
-}
-
-Vector3 DeepestCorner(const Vector3& half, const Vector3& n) {
-  return {n.x() < 0 ? -half.x() : half.x(), n.y() < 0 ? -half.y() : half.y(),
-          n.z() < 0 ? -half.z() : half.z()};
-}
-
-// Of the k-th of the four edges along an axis.
-Vector3 EdgeMiddle(const Vector3& half, int axis, int k) {
-  Vector3 middle = Vector3::Zero();
-  const int next = (axis + 1) % 3, last = (axis + 2) % 3;
-  middle[next] = k & 1 ? half[next] : -half[next];
-  middle[last] = k & 2 ? half[last] : -half[last];
-  return middle;
-}
 
 struct Edge {
   Vector3 corner = Vector3::Zero();

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <utility>
 
+#include "box_features.hpp"
+
 // In the frame of the box, b its half sizes; c, a, r, l the cylinder's centre, axis, radius and half length. Along a unit
 // vector n from the cylinder to the box they are apart by
 //     s(n) = -Σ |n_i| b_i - n·c - r |n - (n·a) a| - l |n·a|
@@ -51,8 +53,7 @@ class Search {
     // In penetration another pair of features may be less deep.
     if (gap >= margin || (certain && gap > 0)) return true;
     const Vector3 near = NearestByProjections();
-    for (int k = 0; k < 8; ++k)
-      TryCorner(b_.cwiseProduct(Vector3(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1)));
+    for (int k = 0; k < 8; ++k) TryCorner(Corner(b_, k));
     if (gap >= margin || (certain && gap > 0)) return true;
     const double side_near = (near - c_).dot(a_) < 0 ? -1 : 1;
     for (int i = 0; i < 3 && most_ > enough_; ++i) {
@@ -64,13 +65,10 @@ class Search {
     // No pair of features that gives more lies farther apart.
     const double within = std::max(most_, -gap + enough_);
     for (int i = 0; i < 3; ++i)
-      for (int k = 0; k < 4; ++k) {
-        Vector3 edge = Vector3::Zero();
-        edge[(i + 1) % 3] = k & 1 ? b_[(i + 1) % 3] : -b_[(i + 1) % 3];
-        edge[(i + 2) % 3] = k & 2 ? b_[(i + 2) % 3] : -b_[(i + 2) % 3];
+      for (int k = 0; k < 4; ++k)
         for (const double side : {-1.0, 1.0})
-          if (MayBeNear(i, edge, side, within)) TryEdgeOnRim(i, edge, side);
-      }
+          if (const Vector3 edge = EdgeMiddle(b_, i, k); MayBeNear(i, edge, side, within))
+            TryEdgeOnRim(i, edge, side);
     return certain || gap >= margin;
   }
 
@@ -168,9 +166,8 @@ class Search {
     for (const double side : {-1.0, 1.0}) {
       const Vector3 n = side / sine * product;
       if (!IsBetter(n)) continue;
-      Vector3 edge = Vector3::Zero();
-      for (int k = 0; k < 3; ++k)
-        if (k != i) edge[k] = -std::copysign(b_[k], n[k]);
+      Vector3 edge = DeepestCorner(b_, -n);
+      edge[i] = 0;
       const Vector3 w = edge - (c_ + r_ * n);
       const double ua = u.dot(a_), uw = u.dot(w), aw = a_.dot(w);
       const double t = (aw - ua * uw) / (sine * sine), s = (ua * aw - uw) / (sine * sine);

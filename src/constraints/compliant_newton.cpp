@@ -182,7 +182,7 @@ void CompliantNewton::Solve(CompliantRows& rows, PieceNewton& pieces, const Cont
     if (!report.converged) {  // what softer contact left
       d_ = kept_;
       Leave(rows, tolerance, iterations);
-      pieces.LeaveAt(rows, d_);
+      pieces.AcceptImpulses(rows, d_);
     }
   }
   change.swap(d_);

@@ -101,7 +101,7 @@ bool PieceNewton::Settle(CompliantRows& rows, std::vector<double>& d, double tol
   return Reached(rows, tolerance);
 }
 
-void PieceNewton::LeaveAt(CompliantRows& rows, std::vector<double>& d) {
+void PieceNewton::AcceptImpulses(CompliantRows& rows, std::vector<double>& d) {
   rows.Push(d.data());
   push_norm_ = std::sqrt(Dot(d, d));
   rows.TakePieces(d.data());

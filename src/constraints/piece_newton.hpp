@@ -16,8 +16,8 @@ class PieceNewton {
   bool Solve(CompliantRows& rows, std::vector<double>& d, double tolerance, int& iterations);
   /// On the pieces that d is on, to where d = Σ Gᵀλ holds to rounding. Whether that is the answer.
   bool Settle(CompliantRows& rows, std::vector<double>& d, double tolerance);
-  /// No answer: the impulses at hand stay, and d = Σ Gᵀλ of them.
-  void LeaveAt(CompliantRows& rows, std::vector<double>& d);
+  /// Without an answer: d <- Σ Gᵀλ of the impulses at hand, which stay.
+  void AcceptImpulses(CompliantRows& rows, std::vector<double>& d);
   /// |λ − Π(y)| / |Σ Gᵀλ|, both weighed by inertia.
   double Residual(const CompliantRows& rows) const {
     return rows.law_gap() == 0 ? 0 : rows.law_gap() / push_norm_;

@@ -40,7 +40,7 @@ void ErrorContacts::ComputeStiffness(const World& world, const std::vector<Conta
     const ContactPoint& p = c.point;
     const Matrix3 inverse =
         ComputeInverseCurvature(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),
-                                world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p);
+                                world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p, world.PairSize(p));
     const Vector3 f = c.point.frame.transpose() * c.impulse / h;
     Twists T[2] = {Twists::Zero(6, size), Twists::Zero(6, size)};
     for (int side = 0; side < 2; ++side) {

@@ -38,7 +38,8 @@ struct PassingWatch::Detail {
     bool interior = false;
   };
   std::vector<CollisionBodyDef> bodies;
-  std::vector<RigidGroup> groups;  // of bodies[1] on; bodies[0] is the still world
+  std::vector<RigidGroup> groups;           // of bodies[1] on; bodies[0] is the still world
+  std::vector<std::vector<double>> radius;  // m, per body and geometry
   std::unique_ptr<CollisionWorld> collision;
   std::vector<ContactPoint> points;
   std::map<std::pair<int, int>, Passing> found;
@@ -90,6 +91,9 @@ Expected<PassingWatch> PassingWatch::Create(const Simulation& simulation) {
     if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b])
       excluded.emplace_back(index_of[a], index_of[b]);
   if (!d.watches) return watch;
+  for (const CollisionBodyDef& body : d.bodies)
+    for (auto& of_body = d.radius.emplace_back(); const GeometryDef& g : body.geometries)
+      of_body.push_back(BoundingRadius(g.shape));
   // What the simulation lets touch is its own affair.
   const int count = static_cast<int>(d.bodies.size());
   for (int a = 0; a < count; ++a)
@@ -135,8 +139,7 @@ void PassingWatch::Look(const Simulation& simulation) {
   for (const ContactPoint& p : d.points) {
     const std::pair<int, int> pair = std::minmax(p.body_a, p.body_b);
     const auto radius = [&](int body, int geometry) {
-      return BoundingRadius(
-          d.bodies[static_cast<std::size_t>(body)].geometries[static_cast<std::size_t>(geometry)].shape);
+      return d.radius[static_cast<std::size_t>(body)][static_cast<std::size_t>(geometry)];
     };
     const double size = std::min(radius(p.body_a, p.geometry_a), radius(p.body_b, p.geometry_b));
     if (-p.gap < kDeep * size || std::binary_search(d.from_the_start.begin(), d.from_the_start.end(), pair))

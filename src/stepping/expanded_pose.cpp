@@ -79,18 +79,6 @@ void SubtractServos(const Mechanism& m, ExpandedMechanism& out) {
   }
 }
 
-// f(limit, its index) with length_row <- that of its length at the pose.
-template <class F>
-void ForEachServo(const MechanismStep& here, const F& f) {
-  const auto& [model, state, ws] = here;
-  const auto& limits = model.mechanism().force_limits();
-  for (std::size_t k = 0; k < limits.size(); ++k) {
-    if (limits[k].stiffness == 0 && limits[k].damping == 0) continue;
-    ReducedRow(limits[k].length, ws.paths(), ws.expanded_pose.Q, ws.length_row);
-    f(limits[k], k);
-  }
-}
-
 }  // namespace
 
 void Expand(const MechanismStep& here) {
@@ -125,6 +113,7 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   pose.Q = out->expansion.Q;
   pose.rates.resize(r);
   pose.loop_rates.resize(model.reduced->loop_rank());
+  pose.servo_rows.resize(r, static_cast<Eigen::Index>(model.mechanism().force_limits().size()));
   ws.expanded = std::move(out);
 }
 
@@ -143,6 +132,11 @@ void MoveExpanded(const MechanismStep& here) {
     pose.rates.noalias() = ws.expanded->curvatures[k] * pose.delta;
     pose.Q.row(i) = expansion.Q.row(i) + pose.rates.transpose();
     pose.q(i) = expansion.q(i) + expansion.Q.row(i).dot(pose.delta) + 0.5 * pose.rates.dot(pose.delta);
+  }
+  const auto& servos = model.mechanism().force_limits();
+  for (std::size_t k = 0; k < servos.size(); ++k) {
+    ReducedRow(servos[k].length, ws.paths(), pose.Q, ws.length_row);
+    pose.servo_rows.col(static_cast<Eigen::Index>(k)) = ws.length_row;
   }
 }
 
@@ -185,9 +179,12 @@ void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& b
     change.noalias() -= b * (expansion.D * v);
     change.noalias() -= b * (pose.D * v);
     change.noalias() -= b * (pose.D.transpose() * v);
-    ForEachServo(here, [&](const Mechanism::ForceLimit& limit, std::size_t) {
-      change -= b * limit.damping * ws.length_row.dot(v) * ws.length_row;
-    });
+    const auto& servos = here.model.mechanism().force_limits();
+    for (std::size_t k = 0; k < servos.size(); ++k) {
+      if (servos[k].damping == 0) continue;
+      const auto row = pose.servo_rows.col(static_cast<Eigen::Index>(k));
+      change -= b * servos[k].damping * row.dot(v) * row;
+    }
   }
   ws.momentum_change.all = change;
 }
@@ -211,9 +208,10 @@ void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
     if (force == 0) continue;
     for (const auto& [i, c] : controls[k].length.terms) f += c * force * pose.Q.row(i).transpose();
   }
-  ForEachServo(here, [&](const Mechanism::ForceLimit& limit, std::size_t) {
-    f += limit.stiffness * (limit.rest - Length(here, limit.length)) * ws.length_row;
-  });
+  const auto& servos = model.mechanism().force_limits();
+  for (std::size_t k = 0; k < servos.size(); ++k)
+    f += servos[k].stiffness * (servos[k].rest - Length(here, servos[k].length)) *
+         pose.servo_rows.col(static_cast<Eigen::Index>(k));
 }
 
 void AddExpandedOperator(const MechanismStep& here, double b) {
@@ -222,10 +220,10 @@ void AddExpandedOperator(const MechanismStep& here, double b) {
   const Expansion& expansion = ws.expanded->expansion;
   const MatrixX& D = ws.expanded_pose.D;
   A += b * (expansion.D + D + D.transpose()) + b * b * expansion.K;
-  ForEachServo(here, [&](const Mechanism::ForceLimit& limit, std::size_t k) {
-    const double weight = b * limit.damping + b * b * limit.stiffness;
-    if (here.state.at_bound[k] == 0) AddSpringOf(here, limit.length, weight, true);
-  });
+  const auto& servos = here.model.mechanism().force_limits();
+  for (std::size_t k = 0; k < servos.size(); ++k)
+    if (here.state.at_bound[k] == 0)
+      AddSpringOf(here, servos[k].length, b * servos[k].damping + b * b * servos[k].stiffness, true);
 }
 
 }  // namespace fork1s

@@ -36,6 +36,7 @@ struct ExpandedPose {
   std::vector<Matrix6X> J;           // 6 x r: twist of groups in R about R's origin per rate of z
   VectorX q;                         // n, those of `coordinates`; others stay as they are at z*
   RowMatrixX Q;                      // n x r, likewise
+  MatrixX servo_rows;                // r x forces with bounds: rate of the length of each per rate of z
   VectorX rates, loop_rates;         // r, m: scratch
 };
 

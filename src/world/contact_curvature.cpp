@@ -8,7 +8,7 @@
 namespace fork1s {
 namespace {
 
-constexpr double kSharp = 1e6;  // curvature of an edge times the size of the shape
+constexpr double kSharp = 1e6;  // curvature of an edge times the size of the smaller shape
 // Distance from an edge, as a share of the shape's extent, within which a point is on it. Points stand midway between
 // two surfaces that overlap: by a ten thousandth of it at rest, by more while something lands.
 constexpr double kOnEdge = 2e-3;
@@ -20,6 +20,7 @@ constexpr double kFlat =
 struct LocalCurvature {
   const Vector3& p;
   const Vector3& n;
+  double sharp;  // 1/m
 
   static Matrix3 AcrossZ() { return Vector3(1, 1, 0).asDiagonal(); }
 
@@ -36,7 +37,7 @@ struct LocalCurvature {
     const Vector3 around = Vector3(-p.y(), p.x(), 0) / rho;
     const Matrix3 along = around * around.transpose();
     // The rim is a circle: along it the normal turns only by its radial share.
-    return Sharp(s) * (Matrix3::Identity() - along) + n.head<2>().norm() / s.radius * along;
+    return sharp * (Matrix3::Identity() - along) + n.head<2>().norm() / s.radius * along;
   }
   Matrix3 operator()(const Ellipsoid& s) const {
     const Vector3 w = s.radii.cwiseInverse().cwiseAbs2();
@@ -47,22 +48,20 @@ struct LocalCurvature {
     for (int i = 0; i < 3; ++i)
       if (std::abs(p(i)) > (1 - kOnEdge) * s.half(i)) across(i) = 1;
     if (across.sum() < 2) return Matrix3::Zero();
-    return Sharp(s) * Matrix3(across.asDiagonal());
+    return sharp * Matrix3(across.asDiagonal());
   }
-  Matrix3 operator()(const MeshShape& s) const { return Sharp(s) * Matrix3::Identity(); }
-  Matrix3 operator()(const HeightField& s) const { return Sharp(s) * Matrix3::Identity(); }
-
-  static double Sharp(const Shape& shape) { return kSharp / BoundingRadius(shape); }
+  Matrix3 operator()(const MeshShape&) const { return sharp * Matrix3::Identity(); }
+  Matrix3 operator()(const HeightField&) const { return sharp * Matrix3::Identity(); }
 };
 
 Eigen::Matrix2d OnTangents(const GeometryDef& geometry, const RigidTransform& X_WB, const ContactPoint& point,
-                           double side) {
+                           double side, double size) {
   if (std::holds_alternative<Plane>(geometry.shape)) return Eigen::Matrix2d::Zero();
   const RigidTransform X_WG = X_WB * geometry.X_BG;
   const Matrix3 frame_G = point.frame.lazyProduct(X_WG.rotation());
   const Vector3 p_G = X_WG.rotation().transpose().lazyProduct(point.point - X_WG.translation());
   const Vector3 n_G = side * frame_G.row(0).transpose();
-  const Matrix3 K = std::visit(LocalCurvature{p_G, n_G}, geometry.shape);
+  const Matrix3 K = std::visit(LocalCurvature{p_G, n_G, kSharp / size}, geometry.shape);
   const Eigen::Matrix<double, 2, 3> T = frame_G.bottomRows<2>();
   return T.lazyProduct(K.lazyProduct(T.transpose()).eval());
 }
@@ -70,8 +69,8 @@ Eigen::Matrix2d OnTangents(const GeometryDef& geometry, const RigidTransform& X_
 }  // namespace
 
 PairCurvature ComputeCurvature(const GeometryDef& a, const RigidTransform& X_WA, const GeometryDef& b,
-                               const RigidTransform& X_WB, const ContactPoint& point) {
-  return {OnTangents(a, X_WA, point, 1), OnTangents(b, X_WB, point, -1)};
+                               const RigidTransform& X_WB, const ContactPoint& point, double size) {
+  return {OnTangents(a, X_WA, point, 1, size), OnTangents(b, X_WB, point, -1, size)};
 }
 
 CurvatureInverse Invert(const PairCurvature& curvature) {
@@ -94,9 +93,9 @@ CurvatureInverse Invert(const PairCurvature& curvature) {
 }
 
 Matrix3 ComputeInverseCurvature(const GeometryDef& a, const RigidTransform& X_WA, const GeometryDef& b,
-                                const RigidTransform& X_WB, const ContactPoint& point) {
+                                const RigidTransform& X_WB, const ContactPoint& point, double size) {
   const Eigen::Matrix<double, 2, 3> tangents = point.frame.bottomRows<2>();
-  return tangents.transpose() * Invert(ComputeCurvature(a, X_WA, b, X_WB, point)).inverse * tangents;
+  return tangents.transpose() * Invert(ComputeCurvature(a, X_WA, b, X_WB, point, size)).inverse * tangents;
 }
 
 Matrix3 ComputeInverseCurvature(const World& world, const ContactPoint& p) {
@@ -108,7 +107,8 @@ Matrix3 ComputeInverseCurvature(const World& world, const ContactPoint& p) {
     return GroupPose(world.mechanisms()[i], c.group);
   };
   return ComputeInverseCurvature(world.geometry(p.body_a, p.geometry_a), pose(p.body_a),
-                                 world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p);
+                                 world.geometry(p.body_b, p.geometry_b), pose(p.body_b), p,
+                                 world.PairSize(p));
 }
 
 }  // namespace fork1s

@@ -174,12 +174,13 @@ TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
       const std::vector<GeometryDef> g = {testing::Geometry("a", pair.a, 1),
                                           testing::Geometry("b", pair.b, 1)};
       const auto ia = static_cast<std::size_t>(p.body_a), ib = static_cast<std::size_t>(p.body_b);
-      const PairCurvature curvature = ComputeCurvature(g[ia], X[ia], g[ib], X[ib], p);
+      const double size = std::min(BoundingRadius(pair.a), BoundingRadius(pair.b));
+      const PairCurvature curvature = ComputeCurvature(g[ia], X[ia], g[ib], X[ib], p, size);
       // So near an edge that it is taken for the edge, or over it within the time looked at.
       const auto changes = [&](const Vector3& aside) {
         ContactPoint near = p;
         near.point += p.frame.transpose() * aside;
-        const PairCurvature other = ComputeCurvature(g[ia], X[ia], g[ib], X[ib], near);
+        const PairCurvature other = ComputeCurvature(g[ia], X[ia], g[ib], X[ib], near, size);
         const Eigen::Matrix2d sum = curvature.a + curvature.b;
         return (other.a + other.b - sum).norm() > 0.5 * sum.norm();
       };
@@ -260,7 +261,7 @@ TEST(Rolling, InverseCurvature_ScaledShapes_ScalesWithThem) {
         const auto first = testing::Geometry("a", scaled(Box{Vector3(0.5, 0.7, 0.4)}, s), 1),
                    second = testing::Geometry("b", scaled(other, s), 1);
         const RigidTransform X(ExpRotation(Vector3(0.2, 0.3, 0.1)), s * Vector3(0.1, 0.2, 0.8));
-        return ComputeInverseCurvature(first, RigidTransform(), second, X, point);
+        return ComputeInverseCurvature(first, RigidTransform(), second, X, point, 0.5 * s);
       };
       const Matrix3 one = at(1);
       for (double s : {1e-3, 1e3})

@@ -27,9 +27,12 @@ double Dot(const Mechanism::LinearForm& terms, const VectorX& values) {
 
 }  // namespace
 
+double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit, double length) {
+  return Dot(limit.inputs, here.state.controls) + limit.stiffness * (limit.rest - length);
+}
+
 double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit) {
-  const auto& [model, state, ws] = here;
-  return Dot(limit.inputs, state.controls) + limit.stiffness * (limit.rest - Length(here, limit.length));
+  return UnboundedForce(here, limit, Length(here, limit.length));
 }
 
 void SizeForceLimits(const MechanismStep& here) {
@@ -294,8 +297,7 @@ double EnergyBeyondBounds(const MechanismView& here, const Configuration& at) {
   for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
     if (!model.mechanism().HasPotential(limit.length)) continue;
     const double length = LengthOf(model.mechanism(), limit.length, at.kinematics, at.q),
-                 f = Dot(limit.inputs, state.controls) + limit.stiffness * (limit.rest - length),
-                 F = std::min(std::max(f, limit.lower), limit.upper);
+                 f = UnboundedForce(here, limit, length), F = std::min(std::max(f, limit.lower), limit.upper);
     if (f != F) energy += Beyond(limit, f, F, length);
   }
   return energy;

@@ -68,6 +68,7 @@ void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const
 // Bounds of forces (force_limits.cpp); h [s]: the length of the stage.
 /// Of a servo or motor at the pose at hand, N or N m.
 double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit);
+double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit, double length);
 void SizeForceLimits(const MechanismStep& here);
 /// What the forces with bounds and the slack springs are where a stage starts.
 void OpenSwitches(const MechanismStep& here);
