@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/constraints/contact_problem.hpp>
 #include <fork1s/world/world.hpp>
 #include <plain_sweeps.hpp>
 #include <random_problems.hpp>
@@ -22,6 +21,7 @@
 #include <vector>
 
 #include "benchmarks.hpp"
+#include "constraints/contact_problem.hpp"
 #include "scene_run.hpp"
 
 namespace fork1s::benchmarks::contact_recorded {

@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/collision/collision_world.hpp>
 #include <fstream>
 #include <map>
@@ -21,6 +20,7 @@
 #include <random>
 #include <sstream>
 
+#include "base/percentile.hpp"
 #include "benchmarks.hpp"
 #include "certified_gap.hpp"
 

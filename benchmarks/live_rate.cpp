@@ -10,8 +10,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstring>
-#include <fork1s/base/percentile.hpp>
-#include <fork1s/server/wire.hpp>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -19,7 +17,9 @@
 #include <fmt/format.h>
 
 #include "../tests/server/socket_client.hpp"
+#include "base/percentile.hpp"
 #include "benchmarks.hpp"
+#include "server/wire.hpp"
 
 namespace fork1s::benchmarks::live_rate {
 namespace {

@@ -13,11 +13,9 @@
 #include <chrono>
 #include <cmath>
 #include <continuum_arm.hpp>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/world/step_times.hpp>
 #include <fstream>
 #include <lab/scene_table.hpp>
 #include <many_hands.hpp>
@@ -25,7 +23,9 @@
 
 #include <oneapi/tbb/global_control.h>
 
+#include "base/percentile.hpp"
 #include "benchmarks.hpp"
+#include "world/step_times.hpp"
 
 namespace fork1s::benchmarks::long_and_many {
 namespace {

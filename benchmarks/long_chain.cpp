@@ -5,12 +5,12 @@
 #include <fmt/format.h>
 
 #include <cstdlib>
-#include <fork1s/record/output_file.hpp>
 #include <lab/chain_cost.hpp>
 #include <string>
 #include <vector>
 
 #include "benchmarks.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s::benchmarks::long_chain {
 

@@ -14,16 +14,16 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <string>
 #include <vector>
 
+#include "base/percentile.hpp"
 #include "benchmarks.hpp"
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s::benchmarks::refresh_cost {
 namespace {

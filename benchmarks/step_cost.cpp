@@ -9,16 +9,16 @@
 
 #include <chrono>
 #include <cstdlib>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/same_steps.hpp>
 #include <string>
 #include <vector>
 
+#include "base/percentile.hpp"
 #include "benchmarks.hpp"
+#include "study/same_steps.hpp"
 
 namespace fork1s::benchmarks::step_cost {
 namespace {

@@ -10,10 +10,10 @@
 
 #include <cstdlib>
 #include <fork1s/record/csv.hpp>
-#include <fork1s/study/same_steps.hpp>
 #include <string>
 
 #include "benchmarks.hpp"
+#include "study/same_steps.hpp"
 
 namespace fork1s::benchmarks::step_instructions {
 namespace {

@@ -167,7 +167,8 @@ function(fork1s_module name)
   add_library(fork1s::${name} ALIAS fork1s_${name})
   set_target_properties(fork1s_${name} PROPERTIES EXPORT_NAME ${name})
   target_include_directories(fork1s_${name} ${scope}
-    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_link_libraries(fork1s_${name} ${scope} fork1s_options)
   foreach(room ${ARG_ROOMS})
     target_link_libraries(fork1s_${name} ${scope} fork1s_${room})

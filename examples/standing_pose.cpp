@@ -1,10 +1,10 @@
 #include "standing_pose.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/solve.hpp"
+#include "mechanism/one_unit.hpp"
 
 #include <cmath>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
-#include <fork1s/mechanism/one_unit.hpp>
 
 #include <fmt/format.h>
 

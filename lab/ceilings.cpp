@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <numeric>
 
 #include "fused_sums.hpp"
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s {
 namespace {

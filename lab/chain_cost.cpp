@@ -5,14 +5,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fork1s/base/percentile.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <fmt/format.h>
 
+#include "base/percentile.hpp"
 #include "chains.hpp"
+#include "parallel/parallel_for.hpp"
 #include "study/figure.hpp"
 
 namespace fork1s {

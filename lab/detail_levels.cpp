@@ -5,12 +5,12 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/record/csv.hpp>
 
 #include <fmt/format.h>
 
+#include "base/percentile.hpp"
 #include "study/runs.hpp"
 
 namespace fork1s {

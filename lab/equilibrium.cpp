@@ -1,7 +1,7 @@
 #include "equilibrium.hpp"
+#include "linalg/select.hpp"
 
 #include <algorithm>
-#include <fork1s/linalg/select.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fork1s/sim/simulation.hpp>

@@ -1,9 +1,10 @@
 // The table of docs/peers.md: fork1s and MuJoCo's integrators, each against a converged run of the full model.
 #pragma once
 
-#include <fork1s/study/peers.hpp>
 #include <string>
 #include <vector>
+
+#include "study/peers.hpp"
 
 namespace fork1s {
 

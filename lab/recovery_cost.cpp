@@ -2,16 +2,16 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fork1s/base/percentile.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/recovery/pose_arrays.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 
 #include <fmt/format.h>
 
+#include "base/percentile.hpp"
 #include "ceilings.hpp"
 #include "chains.hpp"
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s {
 namespace {

@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/record/csv.hpp>
-#include <fork1s/record/output_file.hpp>
 #include <fstream>
 #include <limits>
 #include <sstream>
 
 #include <fmt/format.h>
 
+#include "base/percentile.hpp"
+#include "record/output_file.hpp"
 #include "study/stability.hpp"
 
 namespace fork1s {

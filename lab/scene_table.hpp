@@ -10,7 +10,7 @@
 
 namespace fork1s {
 
-/// One scene by one simulator. Stable: as fork1s/study/stability.hpp says, beside the full run at 1/60 s.
+/// One scene by one simulator. Stable: as study/stability.hpp says, beside the full run at 1/60 s.
 struct SceneRow {
   std::string scene;
   std::string simulator;  // "reduced", "full", "mujoco" with the file's integrator, "mujoco_discrete"

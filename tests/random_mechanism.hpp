@@ -3,7 +3,6 @@
 #pragma once
 
 #include <algorithm>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <random>
@@ -11,6 +10,8 @@
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "linalg/spectrum.hpp"
 
 namespace fork1s::testing {
 

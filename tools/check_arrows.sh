@@ -31,12 +31,13 @@ for room in "${!stated[@]}"; do
   folders=("src/$room" "include/fork1s/$room")
   [ "$room" != lab ] || folders=(lab)
   while IFS=: read -r file line text; do
-    used=$(sed -E 's|.*<fork1s/([a-z]+)/.*|\1|' <<<"$text")
+    used=$(sed -E 's/.*(<fork1s\/|")([a-z]+)\/.*/\2/' <<<"$text")
+    [ -n "${stated[$used]+room}" ] || continue  # a folder within the room
     if [[ "${closure[$room]}" != *" $used "* ]]; then
       echo "check_arrows: $file:$line: room '$room' may not look into '$used'" >&2
       failed=1
     fi
-  done < <(grep -rnE '#include <fork1s/[a-z]+/' "${folders[@]}" 2>/dev/null || true)
+  done < <(grep -rnE '#include (<fork1s/|")[a-z]+/' "${folders[@]}" 2>/dev/null || true)
 done
 decompositions='#include <(Eigen/(Cholesky|Dense|Eigen|Eigenvalues|Householder|LU|QR|SVD|Sparse[A-Z][A-Za-z]*|Jacobi)>|Spectra/)'
 decompositions+='|Eigen::[A-Za-z]*(LLT|LDLT|LU|Lu|QR|SVD|EigenSolver|OrthogonalDecomposition)\b'

@@ -23,8 +23,6 @@ ROOMS = [
     "constraints",
     "collision",
     "reference",
-    "parallel",
-    "server",
     "base",
     "linalg",
 ]

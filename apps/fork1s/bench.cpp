@@ -5,8 +5,6 @@
 #include <ctime>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
-#include <fork1s/study/bench.hpp>
-#include <fork1s/study/same_steps.hpp>
 #include <fstream>
 #include <memory>
 #include <thread>
@@ -17,6 +15,8 @@
 #include "model_arguments.hpp"
 #include "print.hpp"
 #include "progress.hpp"
+#include "study/bench.hpp"
+#include "study/same_steps.hpp"
 
 namespace fork1s::app {
 namespace {

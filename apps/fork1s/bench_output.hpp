@@ -1,7 +1,7 @@
 // What `bench` prints.
 #pragma once
 
-#include <fork1s/study/bench.hpp>
+#include "study/bench.hpp"
 
 #include "output.hpp"
 

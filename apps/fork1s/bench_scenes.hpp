@@ -2,9 +2,10 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/study/bench.hpp>
 #include <string>
 #include <vector>
+
+#include "study/bench.hpp"
 
 namespace fork1s::app {
 

@@ -1,4 +1,5 @@
 #include "checks.hpp"
+#include "base/near_names.hpp"
 
 #include <fmt/format.h>
 
@@ -6,7 +7,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fork1s/base/near_names.hpp>
 #include <fstream>
 #include <limits>
 #include <string_view>

@@ -14,15 +14,15 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
-#include <fork1s/base/system_error.hpp>
-#include <fork1s/record/imported_scene_file.hpp>
 #include <fstream>
 #include <new>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "base/system_error.hpp"
 #include "output.hpp"
+#include "record/imported_scene_file.hpp"
 
 namespace fork1s::app {
 namespace {

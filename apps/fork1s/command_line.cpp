@@ -1,8 +1,7 @@
 #include "command_line.hpp"
+#include "base/near_names.hpp"
 
 #include <fmt/format.h>
-
-#include <fork1s/base/near_names.hpp>
 
 namespace fork1s::app {
 

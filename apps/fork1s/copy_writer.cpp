@@ -1,9 +1,9 @@
 #include "copy_writer.hpp"
+#include "importer/model_copy.hpp"
 
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fork1s/importer/model_copy.hpp>
 
 #include <fmt/format.h>
 

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <atomic>
-#include <fork1s/server/model_file.hpp>
 
 #include "model_arguments.hpp"
+#include "server/model_file.hpp"
 
 namespace fork1s::app {
 

@@ -3,9 +3,7 @@
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
 #include <fork1s/record/gltf.hpp>
-#include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recording.hpp>
-#include <fork1s/server/wire.hpp>
 #include <map>
 #include <memory>
 
@@ -14,6 +12,8 @@
 #include "output.hpp"
 #include "page.hpp"
 #include "print.hpp"
+#include "record/output_file.hpp"
+#include "server/wire.hpp"
 #include "video.hpp"
 
 namespace fork1s::app {

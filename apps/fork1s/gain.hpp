@@ -1,10 +1,10 @@
 // What the choice of interface bodies gains, as `inspect` and `reduce` tell it.
 #pragma once
 
-#include <fork1s/study/interface_gain.hpp>
 #include <optional>
 
 #include "output.hpp"
+#include "study/interface_gain.hpp"
 
 namespace fork1s::app {
 

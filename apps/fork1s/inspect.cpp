@@ -3,18 +3,18 @@
 #include <algorithm>
 #include <filesystem>
 #include <fork1s/mechanism/mechanism.hpp>
-#include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/free_motion.hpp>
-#include <fork1s/study/deflection.hpp>
 #include <memory>
 
 #include "checks.hpp"
 #include "gain.hpp"
 #include "inspect_folder.hpp"
+#include "mechanism/names.hpp"
 #include "mode_line.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "print.hpp"
+#include "study/deflection.hpp"
 
 namespace fork1s::app {
 namespace {

@@ -13,11 +13,11 @@
 #include <filesystem>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/study/posed_mechanism.hpp>
 #include <fstream>
 
 #include "output.hpp"
 #include "print.hpp"
+#include "study/posed_mechanism.hpp"
 
 namespace fork1s::app {
 namespace {

@@ -7,13 +7,13 @@
 #include <cstdlib>
 #include <cstring>
 #include <exception>
-#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/recording.hpp>
 #include <memory>
 #include <new>
 #include <sstream>
 #include <system_error>
 
+#include "base/system_error.hpp"
 #include "child_reader.hpp"
 #include "command.hpp"
 #include "command_line.hpp"

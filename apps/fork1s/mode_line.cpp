@@ -1,7 +1,7 @@
 #include "mode_line.hpp"
+#include "mechanism/names.hpp"
 
 #include <fmt/format.h>
-#include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 
 namespace fork1s::app {

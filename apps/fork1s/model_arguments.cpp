@@ -8,11 +8,11 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <fork1s/mechanism/names.hpp>
 
 #include "checks.hpp"
 #include "child_reader.hpp"
 #include "held_errors.hpp"
+#include "mechanism/names.hpp"
 
 namespace fork1s::app {
 namespace {

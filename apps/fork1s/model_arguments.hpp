@@ -3,13 +3,13 @@
 
 #include <atomic>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/study/mjcf_file.hpp>
 #include <fork1s/world/world.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "command.hpp"
+#include "study/mjcf_file.hpp"
 
 namespace fork1s::app {
 

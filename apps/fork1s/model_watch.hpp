@@ -3,12 +3,13 @@
 
 #include <atomic>
 #include <filesystem>
-#include <fork1s/server/live_simulation.hpp>
 #include <functional>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
+
+#include "server/live_simulation.hpp"
 
 namespace fork1s::app {
 

@@ -7,7 +7,6 @@
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
-#include <fork1s/study/deflection.hpp>
 #include <memory>
 
 #include "checks.hpp"
@@ -16,6 +15,7 @@
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "print.hpp"
+#include "study/deflection.hpp"
 
 namespace fork1s::app {
 namespace {

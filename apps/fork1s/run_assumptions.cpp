@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fork1s/mechanism/names.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
+#include "mechanism/names.hpp"
 #include "mode_line.hpp"
 #include "print.hpp"
 #include "run_contacts.hpp"

@@ -3,7 +3,6 @@
 
 #include <fork1s/record/recording.hpp>
 #include <fork1s/sim/load_factor.hpp>
-#include <fork1s/sim/passing.hpp>
 #include <fork1s/sim/plausible.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/sim/tally.hpp>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "error_watch.hpp"
+#include "sim/passing.hpp"
 
 namespace fork1s::app {
 

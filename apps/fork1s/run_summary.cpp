@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "accuracy_choice.hpp"
+#include "base/percentile.hpp"
 #include "print.hpp"
 #include "run_contacts.hpp"
 

@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
-#include <fork1s/study/deflection.hpp>
 #include <memory>
 #include <numbers>
 #include <vector>
@@ -9,6 +8,7 @@
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "print.hpp"
+#include "study/deflection.hpp"
 
 namespace fork1s::app {
 namespace {

@@ -14,17 +14,17 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
-#include <fork1s/base/system_error.hpp>
-#include <fork1s/base/temporary_folder.hpp>
-#include <fork1s/record/output_file.hpp>
-#include <fork1s/server/launch_file.hpp>
-#include <fork1s/server/live_server.hpp>
 #include <fstream>
 #include <sstream>
 #include <thread>
 #include <vector>
 
+#include "base/system_error.hpp"
+#include "base/temporary_folder.hpp"
 #include "progress.hpp"
+#include "record/output_file.hpp"
+#include "server/launch_file.hpp"
+#include "server/live_server.hpp"
 
 namespace fork1s::app {
 namespace {

@@ -7,8 +7,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fork1s/record/recording.hpp>
-#include <fork1s/server/launch_file.hpp>
-#include <fork1s/server/live_loop.hpp>
 #include <fstream>
 #include <functional>
 #include <limits>
@@ -26,6 +24,8 @@
 #include "page.hpp"
 #include "print.hpp"
 #include "run_inputs.hpp"
+#include "server/launch_file.hpp"
+#include "server/live_loop.hpp"
 
 namespace fork1s::app {
 namespace {

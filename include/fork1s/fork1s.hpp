@@ -1,5 +1,5 @@
-// What programs that simulate need: models from files or code, reduction, simulation, recording. Comparisons with
-// the full-coordinate simulator (reference/, study/) and the live page (server/) have headers of their own.
+// What programs that simulate need: models from files or code, reduction, simulation, recording. Comparisons
+// (study/compare.hpp), error estimates and run summaries have headers of their own: docs/api_cpp.md.
 #pragma once
 
 #include <fork1s/geometry/inertia.hpp>

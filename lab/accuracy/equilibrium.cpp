@@ -6,10 +6,10 @@
 // g(q) are the springs' forces, τ(q) those of the load in joint coordinates, both of the present pose. Q has
 // load columns for F at the reference, as a simulation has under a force that is applied.
 #include "equilibrium.hpp"
+#include "linalg/solve.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/recovery/second_order.hpp>
 #include <fork1s/reduction/statics.hpp>

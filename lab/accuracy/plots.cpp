@@ -1,11 +1,11 @@
 // The four plots and the four tables of docs/accuracy.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/mechanism/names.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "mechanism/names.hpp"
 #include "results.hpp"
 #include "study/figure.hpp"
 

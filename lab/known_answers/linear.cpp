@@ -1,14 +1,14 @@
 // Compliance, stiffness and frequencies that can be written down.
 #include <fmt/format.h>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <numbers>
 
 #include "../equilibrium.hpp"
 #include "cases.hpp"
+#include "linalg/cholesky.hpp"
+#include "linalg/spectrum.hpp"
 #include "support.hpp"
 
 namespace fork1s::internal {

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
+#include "linalg/cholesky.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
+#include "linalg/spectrum.hpp"
 #include "study/mujoco_handles.hpp"
 
 namespace fork1s::internal {

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <filesystem>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/linalg/products.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
 #include <fstream>
@@ -13,6 +12,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "linalg/products.hpp"
 #include "mujoco_model.hpp"
 
 namespace fork1s {

@@ -1,4 +1,4 @@
-#include <fork1s/base/near_names.hpp>
+#include "base/near_names.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include <fork1s/base/system_error.hpp>
+#include "base/system_error.hpp"
 
 #include <cerrno>
 #include <system_error>

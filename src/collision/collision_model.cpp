@@ -1,7 +1,6 @@
 #include "collision_model.hpp"
 
 #include <cstring>
-#include <fork1s/base/compiler_lock.hpp>
 #include <map>
 #include <mutex>
 #include <new>
@@ -9,6 +8,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "base/compiler_lock.hpp"
 #include "pair_routines.hpp"
 
 namespace fork1s::internal {

@@ -1,8 +1,8 @@
 #include "contact_law.hpp"
+#include "mechanism/restitution.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/mechanism/restitution.hpp>
 
 namespace fork1s::internal {
 

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <tuple>
 
 #include "contact_law.hpp"
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s::internal {
 namespace {

@@ -11,11 +11,11 @@
 #pragma once
 
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/parallel/scratch_pool.hpp>
 #include <memory>
 #include <vector>
 
 #include "collision_model.hpp"
+#include "parallel/scratch_pool.hpp"
 #include "sweep.hpp"
 
 namespace fork1s::internal {

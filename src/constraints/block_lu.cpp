@@ -2,11 +2,11 @@
 //     D' = D U⁻¹,   C' = L⁻¹ P C,   a' = L⁻¹ P a,   (B − D' C') y = b − D' a',   x = U⁻¹ (a' − C' y).
 // [A; D] is factored as one panel, by columns.
 #include "block_lu.hpp"
+#include "linalg/in_place.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
 #include <type_traits>
 
 namespace fork1s::internal {

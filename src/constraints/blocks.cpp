@@ -11,36 +11,36 @@
 namespace fork1s::internal {
 void CompliantRows::MeetLeft(const PortRows& left, const PaddedBlock& S) {
   if (S.isZero(0)) return;  // nothing touches there
-  const auto meet = [&](const double* Y, int begin, int freedoms) {
-    if (freedoms == 0) return;
-    AddSixTimesSix(Y, left.stride, freedoms, {S.data(), 1, 8}, 6, U_.data() + begin, freedoms_);
-    Span span{begin, begin + freedoms};
-    std::erase_if(spans_, [&](const Span& other) {
+  const auto meet = [&](const double* Y, int begin, int count) {
+    if (count == 0) return;
+    AddSixTimesSix(Y, left.stride, count, {S.data(), 1, 8}, 6, met_.U.data() + begin, freedoms());
+    Span span{begin, begin + count};
+    std::erase_if(met_.spans, [&](const Span& other) {
       if (other.end < span.begin || span.end < other.begin) return false;
       span = {std::min(span.begin, other.begin), std::max(span.end, other.end)};
       return true;
     });
-    spans_.push_back(span);
+    met_.spans.push_back(span);
   };
   meet(left.Y, left.begin, left.freedoms);
   meet(left.Y_apart, left.begin_apart, left.freedoms_apart);
 }
 
-void CompliantRows::MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const {
-  double* columns = H + static_cast<std::ptrdiff_t>(begin) * freedoms_;
-  for (const Span& span : spans_)
-    AddSixTimesSix(U_.data() + span.begin, freedoms_, span.size(), {Y, stride, 1}, freedoms,
-                   columns + span.begin, freedoms_);
+void CompliantRows::MeetRight(const double* Y, int stride, int begin, int count, double* H) const {
+  double* columns = H + static_cast<std::ptrdiff_t>(begin) * freedoms();
+  for (const Span& span : met_.spans)
+    AddSixTimesSix(met_.U.data() + span.begin, freedoms(), span.size(), {Y, stride, 1}, count,
+                   columns + span.begin, freedoms());
 }
 
 void CompliantRows::SetDiagonal(double diagonal, double* H) const {
-  const auto n = static_cast<std::size_t>(freedoms_);
+  const auto n = static_cast<std::size_t>(freedoms());
   std::fill_n(H, n * n, 0.0);
   for (std::size_t i = 0; i < n; ++i) H[i * (n + 1)] = diagonal;
 }
 
 void CompliantRows::AddBlocks(double* H) {
-  U_.assign(6 * static_cast<std::size_t>(freedoms_), 0.0);
+  met_.U.assign(6 * static_cast<std::size_t>(freedoms()), 0.0);
   for (std::size_t r = 0; r < ports.size(); ++r) {
     const PortRows& right = ports[r];
     MeetLeft(right, right.S);
@@ -54,12 +54,12 @@ void CompliantRows::AddBlocks(double* H) {
     }
     MeetRight(right.Y, right.stride, right.begin, right.freedoms, H);
     MeetRight(right.Y_apart, right.stride, right.begin_apart, right.freedoms_apart, H);
-    for (const Span& span : spans_)
+    for (const Span& span : met_.spans)
       for (std::ptrdiff_t c = 0; c < 6; ++c) {
-        double* u = U_.data() + c * freedoms_ + span.begin;
+        double* u = met_.U.data() + c * freedoms() + span.begin;
         ByFours(span.end - span.begin, [&](const auto& at) { at(u).setZero(); });
       }
-    spans_.clear();
+    met_.spans.clear();
   }
 }
 

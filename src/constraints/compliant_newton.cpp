@@ -77,11 +77,11 @@ bool CompliantNewton::Run(CompliantRows& rows, double tolerance, int max_iterati
 // ends at the same answer, and almost none of its paths has such places.
 bool CompliantNewton::ByPath(CompliantRows& rows, double tolerance, int& iterations) {
   double speed = 0, next = 0;
-  for (const PointRows& point : rows.points) speed = std::max(speed, point.base.norm());
+  for (const PointRows& point : rows.points) speed = std::max(speed, point.velocity.base.norm());
   bool found = false;
   for (int path = 0; path < kPaths && !found; ++path) {
     for (PointRows& point : rows.points)
-      for (double& x : point.shift) {
+      for (double& x : point.velocity.shift) {
         next += kGoldenRatio;
         x = path * kShift * speed * (2 * (next - std::floor(next)) - 1);
       }
@@ -91,7 +91,7 @@ bool CompliantNewton::ByPath(CompliantRows& rows, double tolerance, int& iterati
     rows.SetFrictionShare(1);
     found = found && path_.Follow(rows, d_, tolerance, iterations);
   }
-  for (PointRows& point : rows.points) point.shift.setZero();
+  for (PointRows& point : rows.points) point.velocity.shift.setZero();
   return found;
 }
 

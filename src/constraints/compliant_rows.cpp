@@ -8,7 +8,7 @@ Vector3 CompliantRows::Speed(const PairRows& pair, const PointRows& point) const
   ThreeSums sums;
   if (pair.port_a >= 0) sums.Add(point.rows_a, ports[static_cast<std::size_t>(pair.port_a)].change);
   if (pair.port_b >= 0) sums.Add(point.rows_b, ports[static_cast<std::size_t>(pair.port_b)].change);
-  return point.base + point.offset + sums.Sum();
+  return point.velocity.base + point.velocity.offset + sums.Sum();
 }
 
 double CompliantRows::NormalSpeed(const PairRows& pair, const PointRows& point) const {
@@ -21,11 +21,11 @@ double CompliantRows::NormalSpeed(const PairRows& pair, const PointRows& point) 
   };
   add(pair.port_a, point.rows_a);
   add(pair.port_b, point.rows_b);
-  return point.base[0] + point.offset[0] + sum.sum();
+  return point.velocity.base[0] + point.velocity.offset[0] + sum.sum();
 }
 
 Vector3 CompliantRows::Turning(const PairRows& pair, const PointRows& point) const {
-  Vector3 w = point.angular_base + point.angular_offset;
+  Vector3 w = point.turning.base + point.turning.offset;
   if (pair.port_a >= 0)
     w += AxesOf(point.rows_a).transpose() * ports[static_cast<std::size_t>(pair.port_a)].change.head<3>();
   if (pair.port_b >= 0)
@@ -48,8 +48,8 @@ void CompliantRows::RespondMoments(PointRows& point, const Vector3& turning, boo
       by_normal[k] = point.moments.ByNormal(k, y) / point.law.R_n;
   }
   if (!with_derivative) return;
-  point.D_turn = D;
-  point.by_normal = by_normal;
+  point.piece.D_turn = D;
+  point.piece.turn_by_normal = by_normal;
 }
 
 void CompliantRows::ClearPush() {
@@ -73,15 +73,15 @@ void CompliantRows::AddDerivative(std::size_t p, const PointRows& point) {
   const PairRows& pair = pairs[p];
   const bool a = pair.port_a >= 0, b = pair.port_b >= 0, has_moments = point.HasMoments();
   const PaddedRows &A = point.rows_a, &B = point.rows_b;
-  const Matrix3 D_transposed = point.D.transpose();
+  const Matrix3 D_transposed = point.piece.D.transpose();
   const PaddedRows D_a = RowsTimes(A, D_transposed), D_b = RowsTimes(B, D_transposed);
   const auto add = [&](const PaddedRows& left, const PaddedRows& D_right, const PaddedRows& right,
                        PaddedBlock& S) {
     AddProduct(left, D_right, S);
     if (!has_moments) return;
     const Matrix3 axes = AxesOf(left);
-    S.topLeftCorner<3, 3>() += axes * point.D_turn * AxesOf(right).transpose();
-    S.topRows<3>() += axes * point.by_normal * right.col(0).head<6>().transpose();
+    S.topLeftCorner<3, 3>() += axes * point.piece.D_turn * AxesOf(right).transpose();
+    S.topRows<3>() += axes * point.piece.turn_by_normal * right.col(0).head<6>().transpose();
   };
   if (a) add(A, D_a, A, ports[static_cast<std::size_t>(pair.port_a)].S);
   if (b) add(B, D_b, B, ports[static_cast<std::size_t>(pair.port_b)].S);
@@ -104,11 +104,11 @@ void CompliantRows::Evaluate(const double* d, bool with_derivative) {
       }
       const FrictionCone::Trial y = point.law.AtVelocity(Speed(pair, point));
       point.impulse = point.law.Project(y);
-      point.state = point.law.ModeOf(y);
+      point.piece.mode = point.law.ModeOf(y);
       point.use = y.Utilization();
       if (with_derivative) {
-        point.law.Derivative(y, point.D);
-        point.is_clear = false;
+        point.law.Derivative(y, point.piece.D);
+        point.piece.is_clear = false;
       }
       if (point.HasMoments()) RespondMoments(point, Turning(pair, point), with_derivative);
       if (!point.Bears()) continue;
@@ -167,7 +167,7 @@ void CompliantRows::Push(double* into) {
 }
 
 void CompliantRows::AddChange(const double* d, Eigen::Ref<VectorX> velocities) const {
-  for (const Freedoms& f : blocks_)
+  for (const BlockFreedoms::Block& f : blocks_.blocks())
     for (int r = 0; r < f.rows; ++r) {
       const double* y = f.Y + static_cast<std::ptrdiff_t>(r) * f.stride;
       double change = 0;
@@ -195,7 +195,7 @@ void CompliantRows::AddDerivatives(double* H_data) {
       if (points[static_cast<std::size_t>(i)].Bears()) AddDerivative(p, points[static_cast<std::size_t>(i)]);
   }
   AddBlocks(H_data);
-  Eigen::Map<MatrixX> H(H_data, freedoms_, freedoms_);
+  Eigen::Map<MatrixX> H(H_data, freedoms(), freedoms());
   for (const LimitRows& limit : limits)
     if (limit.D > 0)
       for (const Span& columns : limit.spans)
@@ -207,13 +207,15 @@ void CompliantRows::AddDerivatives(double* H_data) {
 
 void CompliantRows::Soften(double share) {
   for (PointRows& point : points) {
-    if (!point.is_moved) continue;
-    const double least = share * point.inverse_mass;
-    point.SetCompliance(std::max(point.R_n, least), std::max(point.R_t, least));
-    point.offset = -Vector3(point.law.R_n - point.R_n, point.law.R_t - point.R_t, point.law.R_t - point.R_t)
-                        .cwiseProduct(point.impulse);
+    if (!point.compliance.is_moved) continue;
+    const double least = share * point.compliance.inverse_mass;
+    point.SetCompliance(std::max(point.compliance.R_n, least), std::max(point.compliance.R_t, least));
+    point.velocity.offset =
+        -Vector3(point.law.R_n - point.compliance.R_n, point.law.R_t - point.compliance.R_t,
+                 point.law.R_t - point.compliance.R_t)
+             .cwiseProduct(point.impulse);
     if (point.HasMoments())
-      point.angular_offset = -(point.moments.R - point.angular_R).cwiseProduct(point.moment);
+      point.turning.offset = -(point.moments.R - point.compliance.R_turn).cwiseProduct(point.moment);
   }
   for (LimitRows& limit : limits) {
     limit.law.R = std::max(limit.material_R, share * limit.inverse_mass);

@@ -15,6 +15,7 @@
 #include <memory>
 #include <vector>
 
+#include "block_freedoms.hpp"
 #include "elimination_order.hpp"
 #include "laws/bounds.hpp"
 #include "laws/friction_cone.hpp"
@@ -25,53 +26,80 @@ namespace fork1s::internal {
 
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
+/// What a point gives by its material, and what moves it.
+struct PointCompliance {
+  double R_n = 0, R_t = 0;                    // 1/kg
+  Vector3 R_turn = Vector3::Zero();           // 1/(kg m²), of moments about normal and tangents
+  double least_R = 0;                         // before anything cancels
+  double depth = 0;                           // m/s: most by which it gives in a step
+  double inverse_mass = 0;                    // tr(G Gᵀ)/3
+  Vector3 inverse_inertia = Vector3::Zero();  // about normal and tangents
+  bool is_moved = true;                       // by any freedom; what is not bears nothing, and has no R
+};
+
+/// w = base + offset + G d of a point, and likewise its turning about normal and tangents.
+struct PointVelocity {
+  Vector3 start = Vector3::Zero();   // u* + bias
+  Vector3 base = Vector3::Zero();    // u* + bias − R λ₀
+  Vector3 offset = Vector3::Zero();  // of a stage
+  Vector3 shift = Vector3::Zero();   // of w without friction, on a path
+  Vector3 w = Vector3::Zero();       // as last measured, where it is closed
+};
+struct PointTurning {
+  Vector3 start = Vector3::Zero(), base = Vector3::Zero(), offset = Vector3::Zero();
+};
+
+/// What tangents and moments bore before, λ₀.
+struct PointHeld {
+  Vector2 tangents = Vector2::Zero();
+  double normal = 0, use = 0;
+  Vector3 moment = Vector3::Zero();
+  bool fades = false;
+  Vector2 least = Vector2::Zero();  // what `tangents` fade to
+};
+
+/// The affine piece of the law that a point is on.
+struct PointPiece {
+  ContactMode mode = ContactMode::kOpen;
+  Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();                // −∂λ/∂w, −∂m/∂turning
+  Vector3 turn_by_normal = Vector3::Zero();                             // −∂m/∂w_n
+  Vector3 by_share = Vector3::Zero(), turn_by_share = Vector3::Zero();  // ∂λ/∂σ, ∂m/∂σ
+  bool is_clear = true;                                                 // these are all 0
+
+  /// Open: nothing borne, whatever moves.
+  void Clear() {
+    if (is_clear)
+      mode = ContactMode::kOpen;
+    else
+      *this = {};
+  }
+};
+
 struct PointRows {
   PaddedRows rows_a = PaddedRows::Zero(), rows_b = PaddedRows::Zero();  // of J
-  FrictionCone law;                                                     // of the stage at hand
-  MomentBounds moments;                                                 // likewise
-  double R_n = 0, R_t = 0;                                              // the material's
-  double inverse_mass = 0;                                              // tr(G Gᵀ)/3
-  bool is_moved = true;  // by any freedom; what is not bears nothing, and has no R
-  bool has_moments = false;
   Vector3 scale = Vector3::Ones();  // of the rows: tangents in which friction is isotropic
-  Vector3 inverse_inertia = Vector3::Zero(), angular_R = Vector3::Zero();  // about normal and tangents
-  Vector3 start = Vector3::Zero(), start_turning = Vector3::Zero();        // u* + bias
-  double give = 0;
-  Vector3 base = Vector3::Zero(), angular_base = Vector3::Zero();  // u* + bias − R λ₀, and of the moments
-  Vector3 offset = Vector3::Zero(), angular_offset = Vector3::Zero();  // of a stage
-  Vector3 shift = Vector3::Zero();                                     // of w without friction, on a path
+  FrictionCone law;                 // of the stage at hand
+  MomentBounds moments;             // likewise
+  bool has_moments = false;
+  PointCompliance compliance;
+  PointVelocity velocity;
+  PointTurning turning;
+  PointHeld held;
+  PointPiece piece;
   Vector3 impulse = Vector3::Zero(), moment = Vector3::Zero();
-  ContactMode state = ContactMode::kOpen;
-  Matrix3 D = Matrix3::Zero(), D_turn = Matrix3::Zero();                // of the piece at hand
-  Vector3 by_normal = Vector3::Zero();                                  // −∂m/∂w_n
-  Vector3 by_share = Vector3::Zero(), turn_by_share = Vector3::Zero();  // ∂λ/∂σ, ∂m/∂σ
-  bool is_clear = true;                                                 // these, D included, are all 0
-  Vector2 held = Vector2::Zero();                                       // tangents of λ₀
-  double held_normal = 0, held_use = 0;
   double use = 0;  // |y| as a share of its bound
-  bool fades = false;
-  Vector2 least = Vector2::Zero();  // what `held` fades to
-  Vector3 held_moment = Vector3::Zero();
   double frozen_before = 0;
-  double reach = 0, least_R = 0;  // sizes before anything cancels
-  double noise = 0;               // rounding of Gᵀ λ
-  double off2 = 0;                // |λ − Π(y)|² as inertia weighs it
-  Vector3 w = Vector3::Zero();    // as last measured, where it is closed
+  double reach = 0;  // size of w before anything cancels
+  double noise = 0;  // rounding of Gᵀ λ
+  double off2 = 0;   // |λ − Π(y)|² as inertia weighs it
 
   /// Whether it adds to F's derivative: open ones do where bounds are frozen.
-  bool Bears() const { return state != ContactMode::kOpen || law.frozen_normal > 0; }
+  bool Bears() const { return piece.mode != ContactMode::kOpen || law.frozen_normal > 0; }
   bool HasMoments() const { return has_moments; }
   /// Open: nothing borne, whatever moves.
   void ClearPiece() {
-    state = ContactMode::kOpen;
+    piece.Clear();
     use = 0;
-    if (is_clear) return;
-    D.setZero();
-    D_turn.setZero();
-    by_normal.setZero();
-    by_share.setZero();
-    turn_by_share.setZero();
-    is_clear = true;
   }
   /// Tangents and moments no larger than the normal impulse allows.
   void KeepWithinCone() {
@@ -79,12 +107,12 @@ struct PointRows {
     for (int k = 0; k < 3; ++k) moment[k] = moments.At(k, impulse[0]).Project(moment[k]);
   }
   /// Of what friction its tangents could bear by the normal impulse of the last step.
-  double HeldBound() const { return law.Bound(held_normal); }
+  double HeldBound() const { return law.Bound(held.normal); }
   /// Compliances of the stage; moments give as the tangents do.
   void SetCompliance(double normal, double tangential) {
     law.R_n = normal;
     law.R_t = tangential;
-    if (has_moments) moments.R = angular_R * (tangential / R_t);
+    if (has_moments) moments.R = compliance.R_turn * (tangential / compliance.R_t);
   }
 };
 
@@ -165,7 +193,7 @@ class CompliantRows {
   /// Original place of points[i].
   int place(std::size_t i) const { return order_[i]; }
 
-  int freedoms() const { return freedoms_; }
+  int freedoms() const { return blocks_.count(); }
   /// In which freedoms are eliminated, by what touches what.
   const EliminationOrder& order() const { return elimination_; }
   /// Of the last evaluation: F, |Σ Gᵀ λ|, |F|, the rounding in it.
@@ -181,18 +209,10 @@ class CompliantRows {
   std::vector<LimitRows> limits;
 
  private:
-  // A block in freedoms: its own, or as many as it has rows where those are fewer.
-  struct Freedoms {
-    const double* Y = nullptr;
-    int stride = 0, begin = 0, count = 0;
-    int offset = 0, rows = 0;  // in the stacked velocities
-  };
-  void LayOutBlocks(const std::vector<VelocityBlock>& blocks, int num_velocities);
-  int PortAt(const std::vector<VelocityBlock>& blocks, int row);
   void FindOrder();
   bool PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
-  bool PrepareLimit(const std::vector<VelocityBlock>& blocks, const LimitConstraint& in, LimitRows& out,
+  bool PrepareLimit(const LimitConstraint& in, LimitRows& out,
                     const Eigen::Ref<const VectorX>& velocities) const;
   void RespondMoments(PointRows& point, const Vector3& turning, bool with_derivative) const;
   double NormalSpeed(const PairRows& pair, const PointRows& point) const;
@@ -214,23 +234,23 @@ class CompliantRows {
   /// H += Σ Y S Yᵀ (blocks.cpp)
   void AddBlocks(double* H);
   void MeetLeft(const PortRows& left, const PaddedBlock& S);
-  void MeetRight(const double* Y, int stride, int begin, int freedoms, double* H) const;
+  void MeetRight(const double* Y, int stride, int begin, int count, double* H) const;
 
-  int freedoms_ = 0;
+  BlockFreedoms blocks_;
+  std::vector<int> order_;
+  EliminationOrder elimination_;
   double push_norm_ = 0, F_norm_ = 0, noise_ = 0;
   double law_gap_ = 0, law_noise_ = 0;
-  std::vector<int> block_of_, port_of_, order_;
-  EliminationOrder elimination_;
-  std::vector<Freedoms> blocks_;
-  std::vector<double> by_freedom_;  // of ports
-  std::size_t by_freedom_used_ = 0;
-  std::vector<double> storage_;           // Y of blocks with fewer rows than freedoms
-  std::vector<PaddedBlock> S_ab_, S_ba_;  // a pair
   std::vector<double> push_, F_;
-  std::vector<double> squeeze_H_, squeeze_;
+  std::vector<PaddedBlock> S_ab_, S_ba_;  // a pair
   std::unique_ptr<TangentRows> tangents_;
-  std::vector<double> U_;    // freedoms x 6
-  std::vector<Span> spans_;  // rows of U_ that are not zero
+  struct {  // of LeastByFreedoms
+    std::vector<double> H, x;
+  } squeeze_;
+  struct {                    // of AddBlocks
+    std::vector<double> U;    // freedoms x 6
+    std::vector<Span> spans;  // rows of U that are not zero
+  } met_;
 };
 
 }  // namespace fork1s::internal

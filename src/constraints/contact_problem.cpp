@@ -1,4 +1,4 @@
-#include <fork1s/constraints/contact_problem.hpp>
+#include "constraints/contact_problem.hpp"
 
 namespace fork1s {
 

@@ -16,7 +16,7 @@ void Measure(const internal::CompliantRows& rows, ContactSolverReport& report) {
   for (const internal::PointRows& point : rows.points) {
     if (point.impulse.isZero(0)) continue;
     ++report.active;
-    ++(point.state == internal::ContactMode::kSliding ? report.sliding : report.sticking);
+    ++(point.piece.mode == internal::ContactMode::kSliding ? report.sliding : report.sticking);
     impulse = std::max(impulse, point.impulse.norm());
     speed = std::max(speed, point.reach);
   }

@@ -1,6 +1,5 @@
 #include "derivative_lu.hpp"
-
-#include <fork1s/linalg/in_place.hpp>
+#include "linalg/in_place.hpp"
 
 namespace fork1s::internal {
 

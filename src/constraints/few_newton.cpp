@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
 
 #include "few_rows.hpp"
+#include "linalg/in_place.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -33,14 +33,14 @@ double FewRows::TakePoint(const PointRows& point, Member& m) {
   const double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;
   double* off = off_.data() + m.begin;
   const Eigen::Map<const Vector3> w3(w), lambda3(lambda);
-  const double normal = point.law.TrialNormal(lambda[0], w[0], point.inverse_mass);
+  const double normal = point.law.TrialNormal(lambda[0], w[0], point.compliance.inverse_mass);
   Matrix6& D = m.more;
   D.setZero();
   m.is_open = !(normal > 0);
   Vector3 off3 = lambda3;
   double gap2 = 0;
   if (!m.is_open) {
-    const FrictionCone::Trial y = point.law.NaturalTrial(normal, lambda3, w3, point.inverse_mass);
+    const FrictionCone::Trial y = point.law.NaturalTrial(normal, lambda3, w3, point.compliance.inverse_mass);
     off3 -= point.law.Project(y);
     Matrix3 D3;
     // As for all (pieces.cpp).
@@ -49,16 +49,16 @@ double FewRows::TakePoint(const PointRows& point, Member& m) {
     for (int k = 3; k < m.size; ++k) {
       const int axis = m.axes[k - 3];
       const BoundLaw law = point.moments.At(axis, normal);
-      const double moment = law.Trial(lambda[k], w[k], point.inverse_inertia[axis]),
+      const double moment = law.Trial(lambda[k], w[k], point.compliance.inverse_inertia[axis]),
                    gap = lambda[k] - law.Project(moment);
-      gap2 += point.inverse_inertia[axis] * gap * gap;
+      gap2 += point.compliance.inverse_inertia[axis] * gap * gap;
       if (law.IsWithin(moment))
         D(k, k) = 1 / law.R;
       else
         D(k, 0) = point.moments.ByNormal(axis, moment) / point.law.R_n;
     }
   }
-  gap2 += point.inverse_mass * off3.squaredNorm();
+  gap2 += point.compliance.inverse_mass * off3.squaredNorm();
   Eigen::Map<Vector3>{off} = lambda3 + D.topLeftCorner<3, 3>() * w3;
   for (int k = 3; k < m.size; ++k) off[k] = lambda[k] + D(k, k) * w[k] + D(k, 0) * w[0];
   D -= m.factored;
@@ -75,13 +75,13 @@ double FewRows::RespondPoint(const PointRows& point, Member& m) {
   m.more.setZero();
   m.more.topLeftCorner<3, 3>() = D3;
   const Vector3 off3 = Eigen::Map<Vector3>{off} = Eigen::Map<const Vector3>(lambda) - law;
-  double off2 = point.inverse_mass * off3.squaredNorm();
+  double off2 = point.compliance.inverse_mass * off3.squaredNorm();
   for (int k = 3; k < m.size; ++k) {
     const int axis = m.axes[k - 3];
     const BoundLaw bounds = point.moments.At(axis, law[0]);
     const double y = -w[k] / bounds.R;
     off[k] = lambda[k] - bounds.Project(y);
-    off2 += point.inverse_inertia[axis] * off[k] * off[k];
+    off2 += point.compliance.inverse_inertia[axis] * off[k] * off[k];
     if (bounds.IsWithin(y))
       m.more(k, k) = 1 / bounds.R;
     else if (law[0] > 0)

@@ -60,12 +60,12 @@ bool FewRows::Add(const CompliantRows& rows, int index, int pair) {
   } else {
     const PointRows& point = rows.points[static_cast<std::size_t>(index)];
     m.size = 3;
-    m.factored.topLeftCorner<3, 3>() = point.D;
+    m.factored.topLeftCorner<3, 3>() = point.piece.D;
     for (int axis = 0; axis < 3; ++axis) {
       if (!point.moments.Has(axis)) continue;
       m.axes[m.size - 3] = axis;
-      m.factored(m.size, 0) = point.by_normal[axis];
-      m.factored(m.size, m.size) = point.D_turn(axis, axis);
+      m.factored(m.size, 0) = point.piece.turn_by_normal[axis];
+      m.factored(m.size, m.size) = point.piece.D_turn(axis, axis);
       ++m.size;
     }
   }

@@ -6,10 +6,10 @@
 //     H ḋ = σ̇ Σ Gᵀ ∂λ/∂σ,   σ̇ of the sign of det H
 // is the way on, since the sign of det H changes where the path turns back and nowhere else.
 #include "friction_path.hpp"
+#include "linalg/in_place.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/in_place.hpp>
 
 namespace fork1s::internal {
 namespace {

@@ -29,8 +29,9 @@ double CompliantRows::AddGap(double inverse_mass, double gap2, double rounding) 
 
 double CompliantRows::AddGap(PointRows& point, double gap2) {
   // rho of the normal, since R_t is of the size of R_n
-  const double rho = 1 / (point.inverse_mass + point.law.R_n);
-  return AddGap(point.inverse_mass, gap2, kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum()));
+  const double rho = 1 / (point.compliance.inverse_mass + point.law.R_n);
+  return AddGap(point.compliance.inverse_mass, gap2,
+                kRounding * (rho * point.reach + point.impulse.cwiseAbs().sum()));
 }
 
 void CompliantRows::TakePiece(const PairRows& pair, PointRows& point, bool first) {
@@ -38,27 +39,28 @@ void CompliantRows::TakePiece(const PairRows& pair, PointRows& point, bool first
   point.off2 = 0;
   if (!(point.law.R_n > 0)) return;
   const FrictionCone& law = point.law;
-  const double normal = law.TrialNormal(point.impulse[0], NormalSpeed(pair, point), point.inverse_mass);
+  const double normal =
+      law.TrialNormal(point.impulse[0], NormalSpeed(pair, point), point.compliance.inverse_mass);
   if (!(normal > 0)) {
     point.off2 = AddGap(point, point.impulse.squaredNorm());
     return;
   }
   const Vector3 w = Speed(pair, point);
-  const FrictionCone::Trial y = law.NaturalTrial(normal, point.impulse, w, point.inverse_mass);
+  const FrictionCone::Trial y = law.NaturalTrial(normal, point.impulse, w, point.compliance.inverse_mass);
   point.off2 = AddGap(point, (point.impulse - law.Project(y)).squaredNorm());
   point.use = law.Utilization(w.tail<2>(), y.bound);
   // What crept a step ago stands at its bound to the last digits, on whichever side of it: as a first guess
   // it goes on.
-  const bool goes_on = first && point.held_use > 1 && y.size > kAtBound * y.bound && y.size > 0;
+  const bool goes_on = first && point.held.use > 1 && y.size > kAtBound * y.bound && y.size > 0;
   // Between sliding one way and sliding back lies sticking; leaping over it two pieces would take turns for
   // ever.
   const bool slides =
       (y.Slides() || goes_on) && !(law.share == 1 && y.tangent.dot(point.impulse.tail<2>()) < 0);
-  point.state = slides ? ContactMode::kSliding : ContactMode::kSticking;
-  law.Linearize(y, slides, point.D);
-  if (slides) point.by_share.tail<2>() = law.ByShare(y);
-  point.is_clear = false;
-  point.by_share += point.D * point.shift;
+  point.piece.mode = slides ? ContactMode::kSliding : ContactMode::kSticking;
+  law.Linearize(y, slides, point.piece.D);
+  if (slides) point.piece.by_share.tail<2>() = law.ByShare(y);
+  point.piece.is_clear = false;
+  point.piece.by_share += point.piece.D * point.velocity.shift;
   if (point.HasMoments()) TakeMoments(point, Turning(pair, point), normal, true);
 }
 
@@ -66,17 +68,17 @@ void CompliantRows::TakeMoments(PointRows& point, const Vector3& turning, double
   for (int k = 0; k < 3; ++k) {
     if (!point.moments.Has(k)) continue;
     const BoundLaw law = point.moments.At(k, y_n);
-    const double moment = point.moment[k], inverse = point.inverse_inertia[k];
+    const double moment = point.moment[k], inverse = point.compliance.inverse_inertia[k];
     const double y = law.Trial(moment, turning[k], inverse), gap = moment - law.Project(y);
     point.off2 += AddGap(
         inverse, gap * gap,
-        kRounding * (NaturalMapScale(inverse, law.R) * std::abs(point.angular_base[k]) + std::abs(moment)));
+        kRounding * (NaturalMapScale(inverse, law.R) * std::abs(point.turning.base[k]) + std::abs(moment)));
     if (!with_piece) continue;
     if (law.IsWithin(y)) {
-      point.D_turn(k, k) = 1 / law.R;
+      point.piece.D_turn(k, k) = 1 / law.R;
     } else {
-      point.by_normal[k] = point.moments.ByNormal(k, y) / point.law.R_n;
-      point.turn_by_share[k] = point.moments.ByShare(k, y, y_n);
+      point.piece.turn_by_normal[k] = point.moments.ByNormal(k, y) / point.law.R_n;
+      point.piece.turn_by_share[k] = point.moments.ByShare(k, y, y_n);
     }
   }
 }
@@ -107,18 +109,20 @@ void CompliantRows::MeasureLaw(const double* d) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       const FrictionCone& law = point.law;
       point.off2 = point.use = 0;
-      point.state = ContactMode::kOpen;
+      point.piece.mode = ContactMode::kOpen;
       if (!(law.R_n > 0)) continue;
-      const double normal = law.TrialNormal(point.impulse[0], NormalSpeed(pair, point), point.inverse_mass);
+      const double normal =
+          law.TrialNormal(point.impulse[0], NormalSpeed(pair, point), point.compliance.inverse_mass);
       if (!(normal > 0)) {
         point.off2 = AddGap(point, point.impulse.squaredNorm());
         continue;
       }
-      point.w = Speed(pair, point);
-      const FrictionCone::Trial y = law.NaturalTrial(normal, point.impulse, point.w, point.inverse_mass);
+      point.velocity.w = Speed(pair, point);
+      const FrictionCone::Trial y =
+          law.NaturalTrial(normal, point.impulse, point.velocity.w, point.compliance.inverse_mass);
       point.off2 = AddGap(point, (point.impulse - law.Project(y)).squaredNorm());
-      point.state = law.ModeOf(y);
-      point.use = law.Utilization(point.w.tail<2>(), y.bound);
+      point.piece.mode = law.ModeOf(y);
+      point.use = law.Utilization(point.velocity.w.tail<2>(), y.bound);
       if (point.HasMoments()) TakeMoments(point, Turning(pair, point), normal, false);
     }
   for (LimitRows& limit : limits) ReadLimit(limit, d);
@@ -135,13 +139,14 @@ void CompliantRows::TakePieces(const double* d, bool first) {
       PointRows& point = points[static_cast<std::size_t>(i)];
       const bool moments = point.HasMoments();
       TakePiece(pair, point, first);
-      if (point.state == ContactMode::kOpen) continue;
+      if (point.piece.mode == ContactMode::kOpen) continue;
       // What the piece bears at d = 0.
-      const Vector3 w = point.base + point.offset;
+      const Vector3 w = point.velocity.base + point.velocity.offset;
       Vector3 moment = Vector3::Zero();
       if (moments)
-        moment = -point.D_turn * (point.angular_base + point.angular_offset) - point.by_normal * w[0];
-      AddPush(pair, point, -point.D * w, moment);
+        moment = -point.piece.D_turn * (point.turning.base + point.turning.offset) -
+                 point.piece.turn_by_normal * w[0];
+      AddPush(pair, point, -point.piece.D * w, moment);
     }
   for (LimitRows& limit : limits) {
     const double y = ReadLimit(limit, d);
@@ -163,16 +168,16 @@ void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
-      if (point.state == ContactMode::kOpen) {
+      if (point.piece.mode == ContactMode::kOpen) {
         point.impulse.setZero();
         point.moment.setZero();
         continue;
       }
       const Vector3 w = Speed(pair, point);
-      point.impulse = more_share * point.by_share - point.D * w;
+      point.impulse = more_share * point.piece.by_share - point.piece.D * w;
       if (point.HasMoments())
-        point.moment =
-            more_share * point.turn_by_share - point.D_turn * Turning(pair, point) - point.by_normal * w[0];
+        point.moment = more_share * point.piece.turn_by_share - point.piece.D_turn * Turning(pair, point) -
+                       point.piece.turn_by_normal * w[0];
     }
   for (LimitRows& limit : limits) {
     double w = limit.base + limit.offset;
@@ -184,7 +189,7 @@ void CompliantRows::ImpulsesOfPieces(const double* d, double more_share) {
 void CompliantRows::SetFrictionShare(double share) {
   for (PointRows& point : points) {
     point.law.share = point.moments.share = share;
-    point.offset = (1 - share) * point.shift;
+    point.velocity.offset = (1 - share) * point.velocity.shift;
   }
 }
 
@@ -193,9 +198,9 @@ void CompliantRows::PushByShare(double* into) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];
-      AddPush(pair, point, point.by_share, point.turn_by_share);
+      AddPush(pair, point, point.piece.by_share, point.piece.turn_by_share);
     }
-  std::fill_n(into, freedoms_, 0.0);
+  std::fill_n(into, freedoms(), 0.0);
   for (const PortRows& port : ports) port.AddTo(port.push, into);
 }
 
@@ -204,7 +209,7 @@ void CompliantRows::MoveOnPieces(const double* s) {
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
-      if (point.is_clear) continue;
+      if (point.piece.is_clear) continue;
       ThreeSums sums;
       Vector3 turning = Vector3::Zero();
       const auto add = [&](int index, const PaddedRows& rows) {
@@ -216,8 +221,9 @@ void CompliantRows::MoveOnPieces(const double* s) {
       add(pair.port_a, point.rows_a);
       add(pair.port_b, point.rows_b);
       const Vector3 w = sums.Sum();
-      point.impulse -= point.D * w;
-      if (point.HasMoments()) point.moment -= point.D_turn * turning + point.by_normal * w[0];
+      point.impulse -= point.piece.D * w;
+      if (point.HasMoments())
+        point.moment -= point.piece.D_turn * turning + point.piece.turn_by_normal * w[0];
     }
   for (LimitRows& limit : limits) {
     double w = 0;

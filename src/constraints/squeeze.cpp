@@ -8,9 +8,9 @@
 // Where these rows are fewer than freedoms the same comes from the rows' side (tangent_rows.cpp).
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/in_place.hpp>
 
 #include "compliant_rows.hpp"
+#include "linalg/in_place.hpp"
 #include "tangent_rows.hpp"
 
 namespace fork1s::internal {
@@ -24,27 +24,27 @@ constexpr double kInside = 0.95;     // of the cone: what fades brings no point 
 void CompliantRows::FadeSqueeze() {
   int sticking = 0;
   for (PointRows& point : points) {
-    point.fades = point.HeldBound() > 0 && point.held_use < 1 / kInside;
-    sticking += point.fades ? 1 : 0;
+    point.held.fades = point.HeldBound() > 0 && point.held.use < 1 / kInside;
+    sticking += point.held.fades ? 1 : 0;
   }
   if (sticking < 2) return;
   const int left = tangents_->LeaveDetermined(*this, sticking);
   if (left == 0) return;
-  if (!(2 * left < freedoms_ ? tangents_->FindLeast(*this, left) : LeastByFreedoms())) return;
+  if (!(2 * left < freedoms() ? tangents_->FindLeast(*this, left) : LeastByFreedoms())) return;
   double share = 1;
   for (const PointRows& point : points)
-    if (point.fades)
-      share =
-          std::min(share, FrictionCone::ShareWithin(point.held, point.least, kInside * point.HeldBound()));
+    if (point.held.fades)
+      share = std::min(share, FrictionCone::ShareWithin(point.held.tangents, point.held.least,
+                                                        kInside * point.HeldBound()));
   for (PointRows& point : points) {
-    if (!point.fades) continue;
-    point.held += share * (point.least - point.held);
-    point.impulse.tail<2>() = point.held;
+    if (!point.held.fades) continue;
+    point.held.tangents += share * (point.held.least - point.held.tangents);
+    point.impulse.tail<2>() = point.held.tangents;
   }
 }
 
 bool CompliantRows::LeastByFreedoms() {
-  const auto n = static_cast<std::size_t>(freedoms_);
+  const auto n = static_cast<std::size_t>(freedoms());
   for (PortRows& port : ports) {
     port.S.setZero();
     port.push.setZero();
@@ -54,47 +54,47 @@ bool CompliantRows::LeastByFreedoms() {
     S_ba_[p].setZero();
     for (int i = pairs[p].first; i < pairs[p].first + pairs[p].count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];
-      if (!point.fades) continue;
+      if (!point.held.fades) continue;
       const double M = point.HeldBound();
       const auto a = point.rows_a.rightCols<2>(), b = point.rows_b.rightCols<2>();
       if (pairs[p].port_a >= 0) {
         PortRows& port = ports[static_cast<std::size_t>(pairs[p].port_a)];
         port.S += M * a.lazyProduct(a.topRows<6>().transpose());
-        port.push += a * point.held;
+        port.push += a * point.held.tangents;
       }
       if (pairs[p].port_b >= 0) {
         PortRows& port = ports[static_cast<std::size_t>(pairs[p].port_b)];
         port.S += M * b.lazyProduct(b.topRows<6>().transpose());
-        port.push += b * point.held;
+        port.push += b * point.held.tangents;
       }
       if (pairs[p].port_a >= 0 && pairs[p].port_b >= 0)
         S_ab_[p] += M * a.lazyProduct(b.topRows<6>().transpose());
     }
     S_ba_[p].topRows<6>() = S_ab_[p].topRows<6>().transpose();
   }
-  squeeze_H_.resize(n * n);
-  squeeze_.resize(n);
-  SetDiagonal(0, squeeze_H_.data());
-  AddBlocks(squeeze_H_.data());
+  squeeze_.H.resize(n * n);
+  squeeze_.x.resize(n);
+  SetDiagonal(0, squeeze_.H.data());
+  AddBlocks(squeeze_.H.data());
   double trace = 0;
-  for (std::size_t i = 0; i < n; ++i) trace += squeeze_H_[i * (n + 1)];
+  for (std::size_t i = 0; i < n; ++i) trace += squeeze_.H[i * (n + 1)];
   if (!(trace > 0)) return false;
-  for (std::size_t i = 0; i < n; ++i) squeeze_H_[i * (n + 1)] += kProximal * trace / static_cast<double>(n);
-  std::fill(squeeze_.begin(), squeeze_.end(), 0.0);
-  for (const PortRows& port : ports) port.AddTo(port.push, squeeze_.data());
-  if (!FactorCholesky(squeeze_H_.data(), freedoms_)) return false;
-  SolveWithCholesky(squeeze_H_.data(), freedoms_, squeeze_.data());
-  for (PortRows& port : ports) port.SetChange(squeeze_.data());
+  for (std::size_t i = 0; i < n; ++i) squeeze_.H[i * (n + 1)] += kProximal * trace / static_cast<double>(n);
+  std::fill(squeeze_.x.begin(), squeeze_.x.end(), 0.0);
+  for (const PortRows& port : ports) port.AddTo(port.push, squeeze_.x.data());
+  if (!FactorCholesky(squeeze_.H.data(), freedoms())) return false;
+  SolveWithCholesky(squeeze_.H.data(), freedoms(), squeeze_.x.data());
+  for (PortRows& port : ports) port.SetChange(squeeze_.x.data());
   for (const PairRows& pair : pairs)
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       PointRows& point = points[static_cast<std::size_t>(i)];
-      if (!point.fades) continue;
+      if (!point.held.fades) continue;
       Vector2 y = Vector2::Zero();
       if (pair.port_a >= 0)
         y += point.rows_a.rightCols<2>().transpose() * ports[static_cast<std::size_t>(pair.port_a)].change;
       if (pair.port_b >= 0)
         y += point.rows_b.rightCols<2>().transpose() * ports[static_cast<std::size_t>(pair.port_b)].change;
-      point.least = point.HeldBound() * y;
+      point.held.least = point.HeldBound() * y;
     }
   return true;
 }

@@ -1,9 +1,9 @@
 #include "tangent_rows.hpp"
+#include "linalg/in_place.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
 
 namespace fork1s::internal {
 namespace {
@@ -58,7 +58,7 @@ void TangentRows::FindMoved(const CompliantRows& rows) {
   for (std::size_t p = 0; p < rows.pairs.size(); ++p) {
     const PairRows& pair = rows.pairs[p];
     for (int i = pair.first; i < pair.first + pair.count; ++i)
-      fading_[p] += rows.points[static_cast<std::size_t>(i)].fades ? 1 : 0;
+      fading_[p] += rows.points[static_cast<std::size_t>(i)].held.fades ? 1 : 0;
     if (fading_[p] == 0) continue;
     Moved& moved = moved_[p];
     moved.count = 0;
@@ -116,7 +116,7 @@ bool TangentRows::IsDetermined(const CompliantRows& rows, const Member& member) 
       yy += y * y;
     }
   const PointRows& point = rows.points[static_cast<std::size_t>(member.point)];
-  const double all = 3 * point.inverse_mass * point.HeldBound();
+  const double all = 3 * point.compliance.inverse_mass * point.HeldBound();
   // The smaller of the two eigenvalues is no less than the determinant over the trace.
   return xx * yy - xy * xy > kIndependent * all * (xx + yy);
 }
@@ -128,9 +128,9 @@ int TangentRows::LeaveDetermined(CompliantRows& rows, int fading) {
     for (std::size_t p = 0; p < moved_.size(); ++p) {
       if (fading_[p] != 1) continue;
       int i = rows.pairs[p].first;
-      while (!rows.points[static_cast<std::size_t>(i)].fades) ++i;
+      while (!rows.points[static_cast<std::size_t>(i)].held.fades) ++i;
       if (!IsDetermined(rows, {i, static_cast<int>(p)})) continue;
-      rows.points[static_cast<std::size_t>(i)].fades = false;
+      rows.points[static_cast<std::size_t>(i)].held.fades = false;
       fading_[p] = 0;
       for (int k = 0; k < moved_[p].count; ++k)
         for (int f = moved_[p].spans[k].begin; f < moved_[p].spans[k].end; ++f)
@@ -180,7 +180,7 @@ bool TangentRows::FindLeast(CompliantRows& rows, int count) {
   for (std::size_t p = 0; p < rows.pairs.size(); ++p) {
     if (fading_[p] == 0) continue;
     for (int i = rows.pairs[p].first; i < rows.pairs[p].first + rows.pairs[p].count; ++i)
-      if (rows.points[static_cast<std::size_t>(i)].fades) members_.push_back({i, static_cast<int>(p)});
+      if (rows.points[static_cast<std::size_t>(i)].held.fades) members_.push_back({i, static_cast<int>(p)});
   }
   rows_.resize(std::max(rows_.size(), m * static_cast<std::size_t>(freedoms_)));
   K_.resize(m * m);
@@ -210,7 +210,7 @@ bool TangentRows::FindLeast(CompliantRows& rows, int count) {
   for (std::size_t k = 0; k < m; ++k) K_[k * (m + 1)] += proximal;
   for (std::size_t k = 0; k < members_.size(); ++k) {
     const PointRows& point = rows.points[static_cast<std::size_t>(members_[k].point)];
-    for (std::size_t t = 0; t < 2; ++t) x_[2 * k + t] = point.held[t] / std::sqrt(point.HeldBound());
+    for (std::size_t t = 0; t < 2; ++t) x_[2 * k + t] = point.held.tangents[t] / std::sqrt(point.HeldBound());
   }
   if (!FactorCholesky(K_.data(), size)) return false;
   for (int round = 0; round < 2; ++round) {
@@ -220,7 +220,7 @@ bool TangentRows::FindLeast(CompliantRows& rows, int count) {
   }
   for (std::size_t k = 0; k < members_.size(); ++k) {
     PointRows& point = rows.points[static_cast<std::size_t>(members_[k].point)];
-    for (std::size_t t = 0; t < 2; ++t) point.least[t] = std::sqrt(point.HeldBound()) * x_[2 * k + t];
+    for (std::size_t t = 0; t < 2; ++t) point.held.least[t] = std::sqrt(point.HeldBound()) * x_[2 * k + t];
   }
   return true;
 }

@@ -1,10 +1,11 @@
 // What the equations of motion of all coordinates miss in the motion of one mechanism, and their tangent.
 #pragma once
 
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fork1s/world/world.hpp>
 #include <vector>
+
+#include "linalg/solve.hpp"
 
 namespace fork1s {
 
@@ -18,10 +19,10 @@ class ErrorCompanion {
  public:
   explicit ErrorCompanion(const MechanismDynamics& m);
 
-  int size() const { return base_ + static_cast<int>(B_.cols()); }
+  int size() const { return base_ + static_cast<int>(basis_.B.cols()); }
   int base_size() const { return base_; }
   /// Base and joints, of which y are those that keep loops closed.
-  int full_size() const { return base_ + static_cast<int>(B_.rows()); }
+  int full_size() const { return base_ + static_cast<int>(basis_.B.rows()); }
   void ToBasis(const VectorX& full, Eigen::Ref<VectorX> y) const;
 
   /// Loads of the coming step.
@@ -37,9 +38,9 @@ class ErrorCompanion {
   /// By how much [rad] joints or base have left the motion of then, `age` [s] ago; slides in lengths of the
   /// mechanism.
   double Moved(const MechanismDynamics& m, double age);
-  const MatrixX& M() const { return M_y_; }
-  const MatrixX& D() const { return D_y_; }
-  const MatrixX& K() const { return K_y_; }
+  const MatrixX& M() const { return tangent_.M; }
+  const MatrixX& D() const { return tangent_.D; }
+  const MatrixX& K() const { return tangent_.K; }
 
   /// Residual at the node, by centred differences; that of backward Euler's equations there; and the force
   /// that is missing on the straight way between nodes, where rates do not change.
@@ -86,18 +87,34 @@ class ErrorCompanion {
   VectorX v_[3];         // between: before the node before, before the node, after it
   Vector6 V_[3];
   Loads loads_[2], mean_;  // of the step to the node, and from it
-  Kinematics kinematics_, scratch_;
-  Matrix6X applied_before_, applied_;  // without contacts
-  Matrix6X F_, body_V_, body_A_;
-  Motion centred_, euler_, linear_;
-  VectorX tau_, spring_, full_;
-  VectorX q_linear_;
-  RigidTransform X_linear_;
-  MatrixX B_;         // n x nB; identity on trees
-  MatrixX to_basis_;  // nB x n: B y = q  =>  y = to_basis q; not on trees
-  MatrixX seen_;      // size x size: M Q (QᵀMQ)⁻¹ Qᵀ
-  MatrixX M_y_, D_y_, K_y_, damping_;
-  bool tree_ = true;
+  Kinematics kinematics_;
+  struct {  // loads without contacts, in the step to the node and in the one from it
+    Matrix6X before, now;
+  } applied_;
+  struct {
+    Motion centred, euler;
+  } motion_;
+  struct {  // where the tangent is of
+    VectorX q;
+    RigidTransform X;
+    Motion motion;
+  } linearised_;
+  struct {
+    bool tree = true;
+    MatrixX B;         // n x nB; identity on trees
+    MatrixX to_basis;  // nB x n: B y = q  =>  y = to_basis q; not on trees
+  } basis_;
+  struct {  // by y
+    MatrixX M, D, K, damping;
+    MatrixX seen;  // size x size: M Q (QᵀMQ)⁻¹ Qᵀ
+  } tangent_;
+  struct Scratch {
+    explicit Scratch(const Mechanism& mechanism) : kinematics(mechanism) {}
+    Kinematics kinematics;
+    Matrix6X F, body_V, body_A;
+    VectorX tau, spring, full;
+  };
+  Scratch scratch_;
 };
 
 }  // namespace fork1s

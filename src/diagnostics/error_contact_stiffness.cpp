@@ -1,8 +1,8 @@
 // What contact forces do as they move with their contacts: docs/method.md, section 8.
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/world/contact_curvature.hpp>
 
 #include "error_contacts.hpp"
+#include "world/contact_curvature.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,12 +1,12 @@
 // What contacts hold of an error: docs/method.md, section 8.
 #pragma once
 
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/world/world.hpp>
 #include <vector>
 
 #include "error_companion.hpp"
 #include "error_free_body.hpp"
+#include "linalg/solve.hpp"
 
 namespace fork1s {
 

@@ -4,14 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/recovery/recover.hpp>
 
 #include "error_companion.hpp"
 #include "error_contact_loads.hpp"
 #include "error_contacts.hpp"
 #include "error_free_body.hpp"
+#include "linalg/cholesky.hpp"
+#include "linalg/solve.hpp"
 
 namespace fork1s {
 namespace {
@@ -28,8 +28,10 @@ struct ErrorEstimate::Detail {
   std::vector<ErrorCompanion> mechanisms;
   std::vector<FreeBodyPath> free_bodies;
   std::vector<int> offset;  // of mechanisms, then of free bodies, then the end
-  int linearisations = 0, steps = 0, since_linearised = 0;
-  bool linearised = false;
+  struct {
+    int linearisations = 0, steps = 0, since_linearised = 0;
+    bool linearised = false;
+  } progress;
   double h = 0;
 
   MatrixX e, rate;       // size x kParts
@@ -37,10 +39,13 @@ struct ErrorEstimate::Detail {
   VectorX drag;          // of half of that change
   VectorX kink;          // of controls whose slope changes at the node
   MatrixX force_before;  // at the last one
-  MatrixX M, D, K, A;
+  struct {
+    MatrixX M, D, K;
+    MatrixX A;  // of a substep
+    LuFactor factor, kink_factor;
+  } tangent;
   ErrorContacts contacts;
   std::vector<ContactRecord> last;  // of the step to the node
-  LuFactor factor, kink_factor;
   std::vector<BodyError> bodies;
   std::vector<Vector3> start;
   struct Seen {
@@ -103,13 +108,13 @@ void ErrorEstimate::Detail::Layout() {
   for (const ErrorCompanion& c : mechanisms) offset.push_back(offset.back() + c.size());
   for (std::size_t i = 0; i < free_bodies.size(); ++i) offset.push_back(offset.back() + 6);
   const int n = offset.back();
-  for (MatrixX* m : {&M, &D, &K, &A}) m->setZero(n, n);
+  for (MatrixX* m : {&tangent.M, &tangent.D, &tangent.K, &tangent.A}) m->setZero(n, n);
 }
 
 void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity) {
   const std::size_t count = mechanisms.size();
   std::vector<MatrixX> moved(count);
-  const bool first = !linearised;
+  const bool first = !progress.linearised;
   for (std::size_t i = 0; i < count; ++i) {
     if (!first) {
       const int at = offset[i], size = offset[i + 1] - at;
@@ -129,9 +134,9 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
   kink.setZero(n);
   for (std::size_t i = 0; i < count; ++i) {
     const int at = offset[i], size = offset[i + 1] - at;
-    M.block(at, at, size, size) = mechanisms[i].M();
-    D.block(at, at, size, size) = mechanisms[i].D();
-    K.block(at, at, size, size) = mechanisms[i].K();
+    tangent.M.block(at, at, size, size) = mechanisms[i].M();
+    tangent.D.block(at, at, size, size) = mechanisms[i].D();
+    tangent.K.block(at, at, size, size) = mechanisms[i].K();
     if (first) continue;
     e.middleRows(at, size) = moved[i].leftCols(kParts);
     rate.middleRows(at, size) = moved[i].middleCols(kParts, kParts);
@@ -141,21 +146,21 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
     const int at = offset[count + i];
     const SpatialInertia& I = world.free_bodies()[i].inertia();
     const Matrix3& R = free_bodies[i].X[1].rotation();
-    M.block<3, 3>(at, at) = R * I.rotational * R.transpose();
-    M.block<3, 3>(at + 3, at + 3) = I.mass * Matrix3::Identity();
+    tangent.M.block<3, 3>(at, at) = R * I.rotational * R.transpose();
+    tangent.M.block<3, 3>(at + 3, at + 3) = I.mass * Matrix3::Identity();
   }
   if (!first) {
     e.bottomRows(free_e.rows()) = free_e;
     rate.bottomRows(free_e.rows()) = free_rate;
     force_before.bottomRows(free_e.rows()) = free_force;
   }
-  contacts.AddStiffness(mechanisms, offset, K);
+  contacts.AddStiffness(mechanisms, offset, tangent.K);
   const double s = kGamma * h / kSubsteps;
-  A = M + s * D + (s * s) * K;
-  factor.Compute(A);
-  kink_factor.Compute(M + (h / 4) * D + (h * h / 20) * K);
-  linearised = true;
-  since_linearised = 0;
+  tangent.A = tangent.M + s * tangent.D + (s * s) * tangent.K;
+  tangent.factor.Compute(tangent.A);
+  tangent.kink_factor.Compute(tangent.M + (h / 4) * tangent.D + (h * h / 20) * tangent.K);
+  progress.linearised = true;
+  progress.since_linearised = 0;
 }
 
 // A centred difference of poses is the mean of accelerations over both steps, weighted by 1 - |t - t_n|/h. By
@@ -165,8 +170,8 @@ void ErrorEstimate::Detail::Linearise(const World& world, const Vector3& gravity
 // stiff.
 void ErrorEstimate::Detail::AddKinks(const World& world) {
   if (kink.isZero(0)) return;
-  kink_factor.SolveInPlace(kink);
-  kink = M * kink;
+  tangent.kink_factor.SolveInPlace(kink);
+  kink = tangent.M * kink;
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const int at = offset[i], size = offset[i + 1] - at;
     VectorX seen(size);
@@ -187,14 +192,15 @@ void ErrorEstimate::Detail::Advance(const MatrixX& force_after) {
       const double share = (i + at) / kSubsteps;
       return MatrixX((1 - share) * force_before + share * force_after);
     };
-    MatrixX k1 = pull(kGamma) - K * (e + (kGamma * s) * rate) - D * rate;
-    factor.SolveInPlace(k1);
+    MatrixX k1 = pull(kGamma) - tangent.K * (e + (kGamma * s) * rate) - tangent.D * rate;
+    tangent.factor.SolveInPlace(k1);
     MatrixX r1 = rate + (kGamma * s) * k1;
     contacts.Hold(e, kTime, r1);
     k1 = (r1 - rate) / (kGamma * s);
     const MatrixX r_mid = rate + ((1 - kGamma) * s) * k1;
-    MatrixX k2 = pull(1) - K * (e + ((1 - kGamma) * s) * r1 + (kGamma * s) * r_mid) - D * r_mid;
-    factor.SolveInPlace(k2);
+    MatrixX k2 =
+        pull(1) - tangent.K * (e + ((1 - kGamma) * s) * r1 + (kGamma * s) * r_mid) - tangent.D * r_mid;
+    tangent.factor.SolveInPlace(k2);
     rate = r_mid + (kGamma * s) * k2;
     contacts.Hold(e + ((1 - kGamma) * s) * r1, kTime, rate);
     e += ((1 - kGamma) * s) * r1 + (kGamma * s) * rate;
@@ -205,18 +211,18 @@ void ErrorEstimate::Detail::Advance(const MatrixX& force_after) {
 // step: a prescribed base may start with a blow, and what is too stiff for the step has forgotten it at its
 // end. So that step is taken for the straight way that it is, between rates that change at its ends alone.
 void ErrorEstimate::Detail::Pass() {
-  if (steps == 1) {
-    rate = h * SolveSymmetric(M, turn);
+  if (progress.steps == 1) {
+    rate = h * SolveSymmetric(tangent.M, turn);
     force_before = force;
     force_before.col(2) -= drag;
     return;
   }
-  contacts.Prepare(mechanisms, offset, factor, kGamma * h / kSubsteps);
-  if (steps == 2) {
+  contacts.Prepare(mechanisms, offset, tangent.factor, kGamma * h / kSubsteps);
+  if (progress.steps == 2) {
     MatrixX at_end = force;
     at_end.col(2) += drag;
     Advance(at_end);
-    rate += 0.5 * h * SolveSymmetric(M, turn);
+    rate += 0.5 * h * SolveSymmetric(tangent.M, turn);
     force_before = force + turn;
   } else {
     force += turn;
@@ -233,7 +239,8 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   const bool by_euler = options.integrator == Integrator::kEuler;
   const std::vector<ContactRecord> contacts = MovedTo(world.start_points(), world.contacts());
   const ContactLoads now = LoadsOf(world, contacts, h);
-  const ContactLoads then = d.steps == 0 ? now : LoadsOf(world, MovedTo(world.start_points(), d.last), h);
+  const ContactLoads then =
+      d.progress.steps == 0 ? now : LoadsOf(world, MovedTo(world.start_points(), d.last), h);
   d.last = world.contacts();
   for (std::size_t i = 0; i < d.mechanisms.size(); ++i) {
     const MechanismDynamics& m = world.mechanisms()[i];
@@ -243,7 +250,7 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     FreeBodyPath& path = d.free_bodies[i];
-    if (d.steps == 0) path.load[0] = path.load[1];
+    if (d.progress.steps == 0) path.load[0] = path.load[1];
     const FreeBody& body = world.free_bodies()[i];
     if (body.point_spring().IsActive()) {
       const Vector6 wrench = body.point_spring().Wrench(body.pose(), body.OriginVelocity());
@@ -254,15 +261,16 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     path.load[1] += now.free_bodies[i];
     path.End(world.free_bodies()[i], h);
   }
-  ++d.steps;
-  bool stale = d.steps <= 2 || d.since_linearised >= d.options.refresh_every;
+  ++d.progress.steps;
+  bool stale = d.progress.steps <= 2 || d.progress.since_linearised >= d.options.refresh_every;
   for (std::size_t i = 0; i < d.mechanisms.size() && !stale; ++i)
-    stale = d.mechanisms[i].Moved(world.mechanisms()[i], d.since_linearised * h) > d.options.refresh_turn;
+    stale = d.mechanisms[i].Moved(world.mechanisms()[i], d.progress.since_linearised * h) >
+            d.options.refresh_turn;
   if (stale) {
     d.Linearise(world, options.gravity);
-    ++d.linearisations;
+    ++d.progress.linearisations;
   }
-  ++d.since_linearised;
+  ++d.progress.since_linearised;
 
   for (std::size_t i = 0; i < d.mechanisms.size(); ++i) {
     ErrorCompanion& c = d.mechanisms[i];

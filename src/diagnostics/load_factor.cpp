@@ -1,12 +1,13 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/diagnostics/load_factor.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/world/contact_curvature.hpp>
+
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
+#include "linalg/spectrum.hpp"
+#include "world/contact_curvature.hpp"
 
 namespace fork1s {
 namespace {

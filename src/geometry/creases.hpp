@@ -1,6 +1,6 @@
 #pragma once
 
-#include <fork1s/geometry/surface.hpp>
+#include "geometry/surface.hpp"
 
 namespace fork1s::internal {
 

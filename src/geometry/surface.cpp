@@ -1,4 +1,4 @@
-#include <fork1s/geometry/surface.hpp>
+#include "geometry/surface.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fork1s/mechanism/restitution.hpp>
 #include <memory>
 
 #include "conversion.hpp"
+#include "mechanism/restitution.hpp"
 
 namespace fork1s::internal {
 namespace {

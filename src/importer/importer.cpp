@@ -2,13 +2,13 @@
 
 #include <cmath>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/importer/model_copy.hpp>
-#include <fork1s/importer/mujoco_import.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <set>
 
 #include "bounds.hpp"
 #include "conversion.hpp"
+#include "importer/model_copy.hpp"
+#include "importer/mujoco_import.hpp"
 #include "mujoco_model.hpp"
 #include "names.hpp"
 #include "prepared_model.hpp"

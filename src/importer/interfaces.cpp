@@ -2,9 +2,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fork1s/mechanism/names.hpp>
 
 #include "conversion.hpp"
+#include "mechanism/names.hpp"
 #include "names.hpp"
 
 namespace fork1s::internal {

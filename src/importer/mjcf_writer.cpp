@@ -1,15 +1,15 @@
 // A model as MuJoCo's reader has it, with the options written into its elements, saved by MuJoCo's own
 // writer.
-#include <fork1s/importer/mjcf.hpp>
+#include "importer/mjcf.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <fork1s/mechanism/mechanism.hpp>
-#include <fork1s/mechanism/names.hpp>
 #include <set>
 
+#include "mechanism/names.hpp"
 #include "prepared_model.hpp"
 #include "xml_checks.hpp"
 

@@ -1,5 +1,5 @@
 // Numbers of an MJCF text changed in place: nothing else of the text moves.
-#include <fork1s/importer/model_copy.hpp>
+#include "importer/model_copy.hpp"
 
 #include <fmt/format.h>
 

@@ -1,9 +1,8 @@
 // A state of a scene as a keyframe of MJCF: keyframes.cpp the other way round.
 #include <fmt/format.h>
 
-#include <fork1s/importer/model_copy.hpp>
-
 #include "conversion.hpp"
+#include "importer/model_copy.hpp"
 
 namespace fork1s::internal {
 namespace {

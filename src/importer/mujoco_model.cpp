@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fork1s/base/compiler_lock.hpp>
 #include <limits>
 #include <mutex>
 #include <regex>
@@ -13,6 +12,7 @@
 
 #include <tinyxml2.h>
 
+#include "base/compiler_lock.hpp"
 #include "xml_checks.hpp"
 
 // Exported by MuJoCo's library; no header of it declares them.

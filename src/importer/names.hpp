@@ -1,9 +1,10 @@
 // Words of names and paths.
 #pragma once
 
-#include <fork1s/base/near_names.hpp>
 #include <string>
 #include <vector>
+
+#include "base/near_names.hpp"
 
 namespace fork1s::internal {
 

@@ -1,8 +1,8 @@
 // Mass and rotational inertia of URDF links: checked, and what is missing taken from the shapes.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/spectrum.hpp>
 
+#include "linalg/spectrum.hpp"
 #include "names.hpp"
 #include "urdf_parts.hpp"
 

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <tinyxml2.h>
-#include <fork1s/base/system_error.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -13,6 +12,7 @@
 #include <set>
 #include <utility>
 
+#include "base/system_error.hpp"
 #include "names.hpp"
 
 namespace fork1s::internal {

@@ -1,4 +1,4 @@
-#include <fork1s/linalg/cholesky.hpp>
+#include "linalg/cholesky.hpp"
 
 #include <Eigen/Cholesky>
 #include <array>

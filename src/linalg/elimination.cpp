@@ -1,10 +1,11 @@
-#include <fork1s/linalg/elimination.hpp>
+#include "linalg/elimination.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
 #include <limits>
 #include <vector>
+
+#include "linalg/cholesky.hpp"
 
 namespace fork1s {
 

@@ -1,10 +1,11 @@
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>
+
+#include "linalg/in_place.hpp"
 
 namespace fork1s {
 namespace {

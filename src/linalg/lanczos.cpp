@@ -1,4 +1,4 @@
-#include <fork1s/linalg/spectrum.hpp>
+#include "linalg/spectrum.hpp"
 
 #include <algorithm>
 

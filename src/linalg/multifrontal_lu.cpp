@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <fork1s/base/error.hpp>
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
 #include <numeric>
 #include <set>
+
+#include "linalg/in_place.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,11 +1,12 @@
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include <Eigen/QR>
+
+#include "linalg/null_space.hpp"
+#include "linalg/spectrum.hpp"
 
 namespace fork1s {
 namespace {

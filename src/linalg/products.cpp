@@ -1,4 +1,4 @@
-#include <fork1s/linalg/products.hpp>
+#include "linalg/products.hpp"
 
 namespace fork1s {
 

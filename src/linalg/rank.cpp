@@ -1,4 +1,4 @@
-#include <fork1s/linalg/rank.hpp>
+#include "linalg/rank.hpp"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include <fork1s/linalg/row_squares.hpp>
+#include "linalg/row_squares.hpp"
 
 #include <algorithm>
 #include <fork1s/base/error.hpp>

@@ -1,4 +1,4 @@
-#include <fork1s/linalg/select.hpp>
+#include "linalg/select.hpp"
 
 namespace fork1s {
 

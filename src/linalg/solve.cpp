@@ -1,4 +1,4 @@
-#include <fork1s/linalg/solve.hpp>
+#include "linalg/solve.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>

@@ -1,9 +1,10 @@
-#include <fork1s/linalg/spectrum.hpp>
+#include "linalg/spectrum.hpp"
 
-#include <fork1s/linalg/cholesky.hpp>
 #include <limits>
 
 #include <Eigen/Eigenvalues>
+
+#include "linalg/cholesky.hpp"
 
 namespace fork1s {
 

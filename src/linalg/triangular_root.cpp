@@ -1,7 +1,8 @@
 #include <cmath>
 #include <cstddef>
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
+
+#include "linalg/in_place.hpp"
 
 namespace fork1s {
 

@@ -6,7 +6,8 @@
 #include <algorithm>
 #include <fork1s/base/quad.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
-#include <fork1s/mechanism/periodic_rotation.hpp>
+
+#include "mechanism/periodic_rotation.hpp"
 
 namespace fork1s {
 namespace {

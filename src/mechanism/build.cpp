@@ -1,8 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/rank.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <numeric>
 #include <optional>
@@ -10,6 +7,9 @@
 
 #include <fmt/format.h>
 
+#include "linalg/products.hpp"
+#include "linalg/rank.hpp"
+#include "linalg/spectrum.hpp"
 #include "paths.hpp"
 
 namespace fork1s {

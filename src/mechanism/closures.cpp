@@ -1,11 +1,11 @@
 #include "closures.hpp"
+#include "linalg/rank.hpp"
+#include "linalg/solve.hpp"
+#include "mechanism/one_unit.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/rank.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
-#include <fork1s/mechanism/one_unit.hpp>
 #include <limits>
 
 namespace fork1s {

@@ -1,9 +1,9 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
 #include <fork1s/base/quad.hpp>
-#include <fork1s/spatial/twist_exponential.hpp>
 
 #include "paths.hpp"
+#include "spatial/twist_exponential.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,11 +1,11 @@
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/mechanism/one_unit.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "closures.hpp"
+#include "linalg/products.hpp"
+#include "mechanism/one_unit.hpp"
 
 namespace fork1s {
 namespace {

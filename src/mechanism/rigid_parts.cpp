@@ -1,4 +1,4 @@
-#include <fork1s/mechanism/rigid_parts.hpp>
+#include "mechanism/rigid_parts.hpp"
 
 #include <fork1s/base/quad.hpp>
 

@@ -1,4 +1,4 @@
-#include <fork1s/parallel/parallel_for.hpp>
+#include "parallel/parallel_for.hpp"
 
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>

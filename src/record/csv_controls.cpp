@@ -3,7 +3,6 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
-#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/csv.hpp>
 #include <fstream>
 #include <optional>
@@ -11,6 +10,8 @@
 #include <string_view>
 
 #include <fmt/format.h>
+
+#include "base/system_error.hpp"
 
 namespace fork1s {
 namespace {

@@ -2,17 +2,17 @@
 #include <array>
 #include <cerrno>
 #include <filesystem>
-#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/csv.hpp>
-#include <fork1s/record/output_file.hpp>
 #include <fstream>
 #include <map>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "base/system_error.hpp"
 #include "body_names.hpp"
 #include "folder.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,10 +1,10 @@
 #include "gltf_document.hpp"
+#include "base/base64.hpp"
 
 #include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <cstring>
-#include <fork1s/base/base64.hpp>
 #include <limits>
 
 namespace fork1s::internal {

@@ -3,10 +3,10 @@
 #include <cmath>
 #include <filesystem>
 #include <fork1s/record/gltf.hpp>
-#include <fork1s/record/output_file.hpp>
 
 #include "body_names.hpp"
 #include "gltf_meshes.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s {
 namespace {

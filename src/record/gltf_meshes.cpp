@@ -1,9 +1,9 @@
 #include "gltf_meshes.hpp"
+#include "geometry/surface.hpp"
+#include "record/png.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/geometry/surface.hpp>
-#include <fork1s/record/png.hpp>
 
 namespace fork1s::internal {
 namespace {

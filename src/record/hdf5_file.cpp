@@ -1,10 +1,10 @@
 #include "hdf5_file.hpp"
+#include "base/system_error.hpp"
 
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <fork1s/base/system_error.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fstream>
 #include <utility>

@@ -1,9 +1,9 @@
-#include <fork1s/record/imported_scene_file.hpp>
 #include <new>
 
 #include "hdf5_disk.hpp"
 #include "hdf5_file.hpp"
 #include "model_store.hpp"
+#include "record/imported_scene_file.hpp"
 
 namespace fork1s {
 

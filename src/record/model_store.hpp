@@ -1,7 +1,7 @@
 // A ModelText as a group of an HDF5 file: JSON as text, meshes and height grids as arrays.
 #pragma once
 
-#include <fork1s/record/scene_json.hpp>
+#include "record/scene_json.hpp"
 
 #include "hdf5_file.hpp"
 

@@ -1,7 +1,6 @@
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <fork1s/base/system_error.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -9,10 +8,11 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <fork1s/record/output_file.hpp>
 #include <utility>
 
+#include "base/system_error.hpp"
 #include "descriptor.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,9 +1,9 @@
 #include "pictures.hpp"
+#include "record/png.hpp"
 
 #include <zlib.h>
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/record/png.hpp>
 
 namespace fork1s {
 namespace {

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <chrono>
-#include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recording.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <optional>
@@ -9,6 +8,7 @@
 #include "hdf5_disk.hpp"
 #include "hdf5_file.hpp"
 #include "model_store.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s {
 namespace {

@@ -2,8 +2,6 @@
 #include <fmt/format.h>
 #include <cstring>
 #include <filesystem>
-#include <fork1s/mechanism/names.hpp>
-#include <fork1s/record/output_file.hpp>
 #include <fork1s/record/recovery_buffers.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <nlohmann/json.hpp>
@@ -11,6 +9,8 @@
 #include <utility>
 
 #include "folder.hpp"
+#include "mechanism/names.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,5 +1,4 @@
 #include <cstdio>
-#include <fork1s/record/output_file.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <new>
 
@@ -7,6 +6,7 @@
 #include "hdf5_disk.hpp"
 #include "hdf5_file.hpp"
 #include "model_store.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s {
 namespace {

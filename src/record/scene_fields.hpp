@@ -5,7 +5,7 @@
 // files of older versions that are still read, or read them no longer.
 #pragma once
 
-#include <fork1s/mechanism/names.hpp>
+#include "mechanism/names.hpp"
 
 #include "json_archive.hpp"
 

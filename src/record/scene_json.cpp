@@ -1,4 +1,4 @@
-#include <fork1s/record/scene_json.hpp>
+#include "record/scene_json.hpp"
 
 #include <new>
 

@@ -1,8 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/rank.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/recovery/recover.hpp>
+
+#include "linalg/rank.hpp"
+#include "linalg/solve.hpp"
 
 namespace fork1s {
 namespace {

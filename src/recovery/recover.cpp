@@ -1,6 +1,6 @@
 #include <fork1s/recovery/recover.hpp>
 
-#include <fork1s/parallel/parallel_for.hpp>
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s {
 

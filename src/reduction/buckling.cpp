@@ -1,13 +1,13 @@
-#include <fork1s/reduction/buckling.hpp>
+#include "reduction/buckling.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
+#include "linalg/spectrum.hpp"
 #include "loaded_mechanism.hpp"
 
 namespace fork1s {

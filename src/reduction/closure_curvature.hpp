@@ -1,7 +1,7 @@
 // How the errors of closures bend, at constant µ.
 #pragma once
 
-#include <fork1s/reduction/expansion.hpp>
+#include "reduction/expansion.hpp"
 
 namespace fork1s::internal {
 

@@ -1,8 +1,8 @@
-#include <fork1s/linalg/products.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
 #include "elastic_basis.hpp"
 #include "free_motions.hpp"
+#include "linalg/products.hpp"
 #include "locked_basis.hpp"
 #include "world_axes.hpp"
 

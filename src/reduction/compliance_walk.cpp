@@ -11,14 +11,14 @@
 // large ones. Which loops are redundant is decided on E Y without its springs: by geometry alone.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
 #include "elastic_basis.hpp"
 #include "free_motions.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/solve.hpp"
 
 namespace fork1s {
 namespace {

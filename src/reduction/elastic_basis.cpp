@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/elimination.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
 
 #include "coordinate_groups.hpp"
+#include "linalg/elimination.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
 
 namespace fork1s::internal {
 

@@ -1,9 +1,10 @@
 // Closed, spring-free and elastic coordinates of a mechanism at one pose.
 #pragma once
 
-#include <fork1s/mechanism/one_unit.hpp>
 #include <fork1s/reduction/rank_doubt.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
+
+#include "mechanism/one_unit.hpp"
 
 namespace fork1s::internal {
 

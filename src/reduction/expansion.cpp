@@ -1,11 +1,10 @@
-#include <fork1s/reduction/expansion.hpp>
-
-#include <fork1s/linalg/outer_products.hpp>
-#include <fork1s/mechanism/rigid_parts.hpp>
-#include <fork1s/spatial/twist_exponential.hpp>
+#include "reduction/expansion.hpp"
 
 #include "closure_curvature.hpp"
 #include "joint_curvature.hpp"
+#include "linalg/outer_products.hpp"
+#include "mechanism/rigid_parts.hpp"
+#include "spatial/twist_exponential.hpp"
 
 namespace fork1s {
 namespace {

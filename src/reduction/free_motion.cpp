@@ -1,17 +1,17 @@
 #include <fork1s/reduction/free_motion.hpp>
 
 #include <algorithm>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/spectrum.hpp>
-#include <fork1s/reduction/tangent_stiffness.hpp>
 
 #include <fmt/format.h>
 
 #include "elastic_basis.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/spectrum.hpp"
 #include "loaded_mechanism.hpp"
 #include "printed_axis.hpp"
+#include "reduction/tangent_stiffness.hpp"
 #include "world_axes.hpp"
 
 namespace fork1s {

@@ -1,11 +1,11 @@
 #include "free_motions.hpp"
 
 #include <algorithm>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
 #include <limits>
 
+#include "linalg/cholesky.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
 #include "world_axes.hpp"
 
 namespace fork1s {

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
+#include "linalg/cholesky.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/spectrum.hpp"
 #include "modes.hpp"
 
 namespace fork1s {

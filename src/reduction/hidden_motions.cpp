@@ -1,12 +1,12 @@
 #include "hidden_motions.hpp"
 
 #include <algorithm>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
 
 #include <fmt/format.h>
 
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
 #include "printed_axis.hpp"
 
 namespace fork1s::internal {

@@ -1,7 +1,7 @@
 #include "inertia_along.hpp"
+#include "linalg/products.hpp"
 
 #include <algorithm>
-#include <fork1s/linalg/products.hpp>
 #include <vector>
 
 namespace fork1s::internal {

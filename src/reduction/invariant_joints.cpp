@@ -1,4 +1,4 @@
-#include <fork1s/reduction/invariant_joints.hpp>
+#include "reduction/invariant_joints.hpp"
 
 #include <algorithm>
 

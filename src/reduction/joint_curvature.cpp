@@ -1,6 +1,5 @@
 #include "joint_curvature.hpp"
-
-#include <fork1s/spatial/twist_exponential.hpp>
+#include "spatial/twist_exponential.hpp"
 
 namespace fork1s::internal {
 namespace {

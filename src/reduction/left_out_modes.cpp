@@ -1,11 +1,11 @@
 #include <fork1s/reduction/frequencies.hpp>
 
 #include <cmath>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
 #include <numbers>
 
 #include "inertia_along.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"
 

@@ -1,10 +1,10 @@
 #include "loaded_mechanism.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <limits>
 
 namespace fork1s::internal {

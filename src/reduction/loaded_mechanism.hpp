@@ -2,8 +2,9 @@
 // derivative.
 #pragma once
 
-#include <fork1s/mechanism/one_unit.hpp>
 #include <fork1s/reduction/statics.hpp>
+
+#include "mechanism/one_unit.hpp"
 
 namespace fork1s::internal {
 

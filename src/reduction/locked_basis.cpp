@@ -1,9 +1,8 @@
 #include "locked_basis.hpp"
-
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/solve.hpp>
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/solve.hpp"
 
 namespace fork1s::internal {
 

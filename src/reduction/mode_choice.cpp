@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <numeric>
 
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
 #include "modes.hpp"
 
 namespace fork1s::internal {

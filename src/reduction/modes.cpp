@@ -1,13 +1,13 @@
 #include "modes.hpp"
 
 #include <algorithm>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 
 #include "inertia_along.hpp"
+#include "linalg/cholesky.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/spectrum.hpp"
 
 namespace fork1s::internal {
 namespace {

@@ -1,21 +1,21 @@
-#include <fork1s/reduction/reduce_again.hpp>
+#include "reduction/reduce_again.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/dot_by_fours.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <numeric>
 
 #include <fmt/format.h>
 
+#include "base/dot_by_fours.hpp"
 #include "branch_order.hpp"
 #include "elastic_basis.hpp"
 #include "hidden_motions.hpp"
 #include "inertia_along.hpp"
 #include "interior_stops.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/spectrum.hpp"
 #include "load_columns.hpp"
 #include "mode_choice.hpp"
 #include "modes.hpp"

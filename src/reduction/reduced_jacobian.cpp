@@ -1,4 +1,4 @@
-#include <fork1s/reduction/reduced_jacobian.hpp>
+#include "reduction/reduced_jacobian.hpp"
 
 #include <algorithm>
 #include <fork1s/base/quad.hpp>

@@ -1,17 +1,17 @@
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/reduction/tangent_stiffness.hpp>
 #include <limits>
 
 #include <fmt/format.h>
 
 #include "elastic_basis.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
 #include "loaded_mechanism.hpp"
 #include "locked_basis.hpp"
+#include "reduction/tangent_stiffness.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,16 +1,16 @@
-#include <fork1s/reduction/tangent_stiffness.hpp>
+#include "reduction/tangent_stiffness.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
 #include "elastic_basis.hpp"
 #include "free_motions.hpp"
+#include "linalg/cholesky.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/spectrum.hpp"
 #include "loaded_mechanism.hpp"
 #include "locked_basis.hpp"
 #include "world_axes.hpp"

@@ -1,4 +1,4 @@
-#include <fork1s/reduction/whole_groups.hpp>
+#include "reduction/whole_groups.hpp"
 
 #include <algorithm>
 

@@ -8,11 +8,11 @@
 // (P. Alart and A. Curnier, CMAME 92, 1991). Steps are damped until the residual decreases.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/solve.hpp>
 #include <limits>
 
 #include "bound_laws.hpp"
 #include "contact_problem.hpp"
+#include "linalg/solve.hpp"
 
 namespace fork1s::reference {
 namespace {

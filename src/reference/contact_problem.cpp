@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/products.hpp>
 #include <limits>
 #include <map>
 #include <utility>
 
 #include "bound_laws.hpp"
+#include "linalg/products.hpp"
 
 namespace fork1s::reference {
 namespace {

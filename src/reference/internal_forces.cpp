@@ -9,9 +9,9 @@
 // λ_k/a_k and rows of W_t those times a_k.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/spectrum.hpp>
 
 #include "contact_problem.hpp"
+#include "linalg/spectrum.hpp"
 
 namespace fork1s::reference {
 namespace {

@@ -1,12 +1,12 @@
 // Energies, momentum, gaps and natural frequencies in full coordinates.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <numbers>
 
 #include "full_mechanism.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
+#include "linalg/spectrum.hpp"
 
 namespace fork1s::internal {
 

@@ -2,9 +2,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/mechanism/periodic_rotation.hpp>
 #include "full_mechanism.hpp"
+
+#include "linalg/products.hpp"
+#include "mechanism/periodic_rotation.hpp"
 
 namespace fork1s::internal {
 namespace {

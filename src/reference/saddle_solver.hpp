@@ -2,8 +2,9 @@
 #pragma once
 
 #include <fork1s/base/types.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <vector>
+
+#include "linalg/solve.hpp"
 
 namespace fork1s::internal {
 

@@ -1,4 +1,4 @@
-#include <fork1s/server/command.hpp>
+#include "server/command.hpp"
 
 #include <cmath>
 #include <map>

@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <deque>
-#include <fork1s/server/command.hpp>
 #include <optional>
 #include <utility>
+
+#include "server/command.hpp"
 
 namespace fork1s::internal {
 

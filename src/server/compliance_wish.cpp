@@ -1,8 +1,8 @@
 #include "compliance_wish.hpp"
+#include "linalg/cholesky.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
 #include <fork1s/reduction/compliance.hpp>
 
 #include <fmt/format.h>

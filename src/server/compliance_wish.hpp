@@ -1,7 +1,7 @@
 // Stiffnesses that follow an ellipsoid of compliance that a viewer drags.
 #pragma once
 
-#include <fork1s/server/live_settings.hpp>
+#include "server/live_settings.hpp"
 
 namespace fork1s::internal {
 

@@ -1,10 +1,10 @@
 // The messages that repeat: maps after every refresh, frames and ghosts sixty times a second.
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/server/wire.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "body_order.hpp"
 #include "byte_writer.hpp"
+#include "linalg/select.hpp"
+#include "server/wire.hpp"
 
 namespace fork1s {
 namespace {

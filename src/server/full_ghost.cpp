@@ -1,4 +1,4 @@
-#include <fork1s/server/full_ghost.hpp>
+#include "server/full_ghost.hpp"
 
 #ifdef __linux__
 #include <sys/resource.h>

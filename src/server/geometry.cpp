@@ -1,9 +1,6 @@
 // Shapes, told once.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/geometry/surface.hpp>
-#include <fork1s/record/png.hpp>
-#include <fork1s/server/wire.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <iterator>
 #include <map>
@@ -11,7 +8,10 @@
 #include <set>
 
 #include "byte_writer.hpp"
+#include "geometry/surface.hpp"
+#include "record/png.hpp"
 #include "scene_description.hpp"
+#include "server/wire.hpp"
 
 namespace fork1s {
 namespace {

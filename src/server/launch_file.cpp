@@ -1,5 +1,3 @@
-#include <fork1s/base/system_error.hpp>
-#include <fork1s/server/launch_file.hpp>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -8,6 +6,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <utility>
+
+#include "base/system_error.hpp"
+#include "server/launch_file.hpp"
 
 namespace fork1s {
 namespace {

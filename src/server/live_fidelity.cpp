@@ -1,8 +1,6 @@
 // How true a live simulation is: the estimated error, what it asks for, and bodies that pass through others.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/server/live_simulation.hpp>
-#include <fork1s/sim/passing.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <nlohmann/json.hpp>
 
@@ -10,6 +8,8 @@
 
 #include "body_order.hpp"
 #include "scene_description.hpp"
+#include "server/live_simulation.hpp"
+#include "sim/passing.hpp"
 
 namespace fork1s {
 namespace {

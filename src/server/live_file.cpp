@@ -1,6 +1,5 @@
 // Numbers that viewers tune, and what is written into a copy of the file.
 #include <cmath>
-#include <fork1s/server/live_simulation.hpp>
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
@@ -8,6 +7,7 @@
 #include "body_order.hpp"
 #include "compliance_wish.hpp"
 #include "scene_description.hpp"
+#include "server/live_simulation.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,6 +1,6 @@
 // The full simulation beside the live one: when it starts, what it is given, what viewers get of it.
-#include <fork1s/server/live_simulation.hpp>
-#include <fork1s/sim/interface_names.hpp>
+#include "server/live_simulation.hpp"
+#include "sim/interface_names.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,8 +1,9 @@
 // What acts on a live simulation in a step: set-points, pulls and pushes.
 #include <algorithm>
-#include <fork1s/server/live_simulation.hpp>
-#include <fork1s/server/pull_spring.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
+
+#include "server/live_simulation.hpp"
+#include "server/pull_spring.hpp"
 
 namespace fork1s {
 

@@ -1,10 +1,11 @@
-#include <fork1s/server/live_loop.hpp>
+#include "server/live_loop.hpp"
 
 #include <chrono>
-#include <fork1s/server/request_ration.hpp>
 #include <optional>
 #include <thread>
 #include <utility>
+
+#include "server/request_ration.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,8 +1,9 @@
 // Going back to a moment of the last minute.
-#include <fork1s/server/live_simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <fmt/format.h>
+
+#include "server/live_simulation.hpp"
 
 namespace fork1s {
 

@@ -11,8 +11,6 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <deque>
-#include <fork1s/base/system_error.hpp>
-#include <fork1s/server/live_server.hpp>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -21,10 +19,12 @@
 #include <fmt/format.h>
 
 #include "access_token.hpp"
+#include "base/system_error.hpp"
 #include "command_queue.hpp"
 #include "outbox.hpp"
 #include "request_origin.hpp"
 #include "scene_description.hpp"
+#include "server/live_server.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,10 +1,8 @@
-#include <fork1s/server/live_simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fork1s/server/pull_spring.hpp>
 #include <fork1s/sim/load_factor.hpp>
 #include <utility>
 
@@ -12,6 +10,8 @@
 
 #include "body_order.hpp"
 #include "scene_description.hpp"
+#include "server/live_simulation.hpp"
+#include "server/pull_spring.hpp"
 #include "signals.hpp"
 
 namespace fork1s {

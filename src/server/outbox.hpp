@@ -1,7 +1,7 @@
 // What one viewer has got and lacks.
 #pragma once
 
-#include <fork1s/server/snapshot.hpp>
+#include "server/snapshot.hpp"
 
 namespace fork1s::internal {
 

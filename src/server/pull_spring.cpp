@@ -1,9 +1,10 @@
-#include <fork1s/server/pull_spring.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/stepping/point_response.hpp>
 
 #include <algorithm>
 #include <cmath>
+
+#include "server/pull_spring.hpp"
+#include "stepping/point_response.hpp"
 
 namespace fork1s {
 PointSpring PullSpring(const Simulation& simulation, int body, const Vector3& point_B,

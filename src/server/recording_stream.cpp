@@ -1,12 +1,12 @@
 // Recordings as streams, and streams in pages.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/base64.hpp>
-#include <fork1s/server/wire.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
+#include "base/base64.hpp"
 #include "byte_writer.hpp"
 #include "scene_description.hpp"
+#include "server/wire.hpp"
 
 namespace fork1s {
 namespace {

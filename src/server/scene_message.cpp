@@ -1,13 +1,13 @@
 // Names, trees and screws, told whenever the model is built anew; settings, told whenever one changes.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/mechanism/names.hpp>
-#include <fork1s/server/live_simulation.hpp>
-#include <fork1s/server/pull_spring.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <nlohmann/json.hpp>
 
+#include "mechanism/names.hpp"
 #include "scene_description.hpp"
+#include "server/live_simulation.hpp"
+#include "server/pull_spring.hpp"
 #include "signals.hpp"
 
 namespace fork1s {

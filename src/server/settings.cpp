@@ -1,10 +1,11 @@
-#include <fork1s/server/live_settings.hpp>
 #include <fork1s/sim/vary.hpp>
 
 #include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
+
+#include "server/live_settings.hpp"
 
 namespace fork1s {
 namespace {

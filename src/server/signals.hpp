@@ -2,10 +2,11 @@
 #pragma once
 
 #include <fork1s/diagnostics/error_estimate.hpp>
-#include <fork1s/server/tunables.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <vector>
+
+#include "server/tunables.hpp"
 
 namespace fork1s::internal {
 

@@ -1,4 +1,4 @@
-#include <fork1s/server/tunables.hpp>
+#include "server/tunables.hpp"
 
 #include <algorithm>
 #include <cmath>

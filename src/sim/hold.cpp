@@ -1,10 +1,10 @@
 #include "hold.hpp"
+#include "linalg/spectrum.hpp"
+#include "world/contact_curvature.hpp"
 
 #include <algorithm>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/world/contact_curvature.hpp>
 #include <set>
 
 namespace fork1s::internal {

@@ -1,7 +1,8 @@
-#include <fork1s/sim/interface_names.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <algorithm>
+
+#include "sim/interface_names.hpp"
 
 namespace fork1s {
 

@@ -1,6 +1,6 @@
 #include <fork1s/sim/load_factor.hpp>
 
-#include <fork1s/world/contact_curvature.hpp>
+#include "world/contact_curvature.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,4 +1,4 @@
-#include <fork1s/sim/passing.hpp>
+#include "sim/passing.hpp"
 
 #include <algorithm>
 #include <fork1s/collision/collision_world.hpp>

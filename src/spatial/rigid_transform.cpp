@@ -1,4 +1,4 @@
-#include <fork1s/spatial/twist_exponential.hpp>
+#include "spatial/twist_exponential.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -21,14 +21,15 @@ namespace {
 double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
   const auto& [model, state, ws] = here;
   const int r = model.size();
-  ws.rhs.setZero(model.num_velocities());
-  ws.rhs.tail(r) = ws.jump.force;
-  ws.matrix.factor.SolveInPlace(ws.rhs);
-  const double whole = ws.jump.force.dot(ws.rhs.tail(r));
-  ws.solved.noalias() = ws.mass.M * ws.rhs;
-  const double mass = ws.rhs.dot(ws.solved) / whole;
-  ws.jump.damper_force.noalias() = model.reduced->D * ws.rhs.tail(r);
-  const double damping = b * ws.rhs.tail(r).dot(ws.jump.damper_force) / whole, stiffness = 1 - mass - damping;
+  ws.scratch.rhs.setZero(model.num_velocities());
+  ws.scratch.rhs.tail(r) = ws.jump.force;
+  ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
+  const double whole = ws.jump.force.dot(ws.scratch.rhs.tail(r));
+  ws.scratch.solved.noalias() = ws.mass.M * ws.scratch.rhs;
+  const double mass = ws.scratch.rhs.dot(ws.scratch.solved) / whole;
+  ws.jump.damper_force.noalias() = model.reduced->D * ws.scratch.rhs.tail(r);
+  const double damping = b * ws.scratch.rhs.tail(r).dot(ws.jump.damper_force) / whole,
+               stiffness = 1 - mass - damping;
   const double followed = onward * stiffness * (1 + mass - stiffness);
   // Not so for a control that moves nothing, whose ratios are no numbers.
   return followed > 1 - stiffness ? (1 - stiffness) / followed : 1;

@@ -102,7 +102,7 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
     out->curvatures.push_back(
         SecondDerivative(*model.reduced, out->expansion, VectorX::Unit(model.reduced->num_coordinates(), i)));
   SubtractServos(model.mechanism(), *out);
-  ExpandedPose& pose = ws.expanded_pose;
+  ExpandedPose& pose = ws.expansion.pose;
   const int r = model.size();
   pose.G.resize(r, r);
   pose.D.resize(r, r);
@@ -114,36 +114,36 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   pose.rates.resize(r);
   pose.loop_rates.resize(model.reduced->loop_rank());
   pose.servo_rows.resize(r, static_cast<Eigen::Index>(model.mechanism().force_limits().size()));
-  ws.expanded = std::move(out);
+  ws.expansion.of = std::move(out);
 }
 
 void MoveExpanded(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  const Expansion& expansion = ws.expanded->expansion;
-  ExpandedPose& pose = ws.expanded_pose;
+  const Expansion& expansion = ws.expansion.of->expansion;
+  ExpandedPose& pose = ws.expansion.pose;
   ws.has_exact_pose.store(false);
   pose.delta = state.reduced.z - expansion.z;
   Contract(expansion.G, pose.delta, pose.G);
   Contract(expansion.D_slope, pose.delta, pose.D);
-  for (std::size_t g = 0; g < ws.expanded->groups.size(); ++g)
-    EvaluateBody(ws.expanded->groups[g], pose.delta, pose.X_RG[g], pose.J[g]);
-  for (std::size_t k = 0; k < ws.expanded->coordinates.size(); ++k) {
-    const int i = ws.expanded->coordinates[k];
-    pose.rates.noalias() = ws.expanded->curvatures[k] * pose.delta;
+  for (std::size_t g = 0; g < ws.expansion.of->groups.size(); ++g)
+    EvaluateBody(ws.expansion.of->groups[g], pose.delta, pose.X_RG[g], pose.J[g]);
+  for (std::size_t k = 0; k < ws.expansion.of->coordinates.size(); ++k) {
+    const int i = ws.expansion.of->coordinates[k];
+    pose.rates.noalias() = ws.expansion.of->curvatures[k] * pose.delta;
     pose.Q.row(i) = expansion.Q.row(i) + pose.rates.transpose();
     pose.q(i) = expansion.q(i) + expansion.Q.row(i).dot(pose.delta) + 0.5 * pose.rates.dot(pose.delta);
   }
   const auto& servos = model.mechanism().force_limits();
   for (std::size_t k = 0; k < servos.size(); ++k) {
-    ReducedRow(servos[k].length, ws.paths(), pose.Q, ws.length_row);
-    pose.servo_rows.col(static_cast<Eigen::Index>(k)) = ws.length_row;
+    ReducedRow(servos[k].length, ws.paths(), pose.Q, ws.scratch.length_row);
+    pose.servo_rows.col(static_cast<Eigen::Index>(k)) = ws.scratch.length_row;
   }
 }
 
 void ComputeExpandedJointRates(const MechanismStep& here, const VectorX& w, VectorX& q_dot) {
   const auto& [model, state, ws] = here;
-  const Expansion& expansion = ws.expanded->expansion;
-  ExpandedPose& pose = ws.expanded_pose;
+  const Expansion& expansion = ws.expansion.of->expansion;
+  ExpandedPose& pose = ws.expansion.pose;
   q_dot.noalias() = expansion.Q * w;
   if (model.reduced->loop_rank() == 0) return;
   // q'' = -Bᵀ N
@@ -155,20 +155,20 @@ void ComputeExpandedJointRates(const MechanismStep& here, const VectorX& w, Vect
 
 void ComputeExpandedMass(const MechanismStep& here) {
   MechanismWorkspace& ws = here.work;
-  ws.mass.M = ws.expanded->expansion.M + ws.expanded_pose.G + ws.expanded_pose.G.transpose();
+  ws.mass.M = ws.expansion.of->expansion.M + ws.expansion.pose.G + ws.expansion.pose.G.transpose();
 }
 
 void ComputeExpandedMomenta(const MechanismStep& here, StageBase& out) {
   MechanismWorkspace& ws = here.work;
   out.rates = ws.x;
-  out.turned_rates.noalias() = ws.expanded_pose.G * ws.x;
+  out.turned_rates.noalias() = ws.expansion.pose.G * ws.x;
 }
 
 void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& base, const VectorX& v,
                                    double b) {
   MechanismWorkspace& ws = here.work;
-  ExpandedPose& pose = ws.expanded_pose;
-  const Expansion& expansion = ws.expanded->expansion;
+  ExpandedPose& pose = ws.expansion.pose;
+  const Expansion& expansion = ws.expansion.of->expansion;
   VectorX& change = ws.momentum_change.reduced;
   pose.rates = base.rates - v;
   change = base.turned_rates;
@@ -191,8 +191,8 @@ void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& b
 
 void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
   const auto& [model, state, ws] = here;
-  const Expansion& expansion = ws.expanded->expansion;
-  const ExpandedPose& pose = ws.expanded_pose;
+  const Expansion& expansion = ws.expansion.of->expansion;
+  const ExpandedPose& pose = ws.expansion.pose;
   VectorX& f = ws.forces.f_z;
   f = expansion.spring_force;
   f.noalias() += expansion.spring_slope * pose.delta;
@@ -217,8 +217,8 @@ void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
 void AddExpandedOperator(const MechanismStep& here, double b) {
   MechanismWorkspace& ws = here.work;
   MatrixX& A = ws.matrix.A;
-  const Expansion& expansion = ws.expanded->expansion;
-  const MatrixX& D = ws.expanded_pose.D;
+  const Expansion& expansion = ws.expansion.of->expansion;
+  const MatrixX& D = ws.expansion.pose.D;
   A += b * (expansion.D + D + D.transpose()) + b * b * expansion.K;
   const auto& servos = here.model.mechanism().force_limits();
   for (std::size_t k = 0; k < servos.size(); ++k)

@@ -5,11 +5,12 @@
 // them as M w' + G(δ)ᵀ w' + G(δ') w'.
 #pragma once
 
-#include <fork1s/reduction/expansion.hpp>
-#include <fork1s/stepping/mechanism_step.hpp>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include "reduction/expansion.hpp"
+#include "stepping/mechanism_step.hpp"
 
 namespace fork1s {
 

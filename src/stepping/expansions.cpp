@@ -36,9 +36,9 @@ double FarthestTurn(const MechanismView& here, const RowMatrixX& rows, const Vec
 // Of L⁻¹ (G + Gᵀ) L⁻ᵀ, M* = L Lᵀ: its Frobenius norm, which bounds what any motion sees.
 double InertiaChange(const MechanismStep& here) {
   MechanismWorkspace& ws = here.work;
-  ExpandedPose& pose = ws.expanded_pose;
-  pose.scratch.noalias() = ws.expanded->M_inverse * pose.G;
-  pose.scratch.noalias() += ws.expanded->M_inverse * pose.G.transpose();
+  ExpandedPose& pose = ws.expansion.pose;
+  pose.scratch.noalias() = ws.expansion.of->M_inverse * pose.G;
+  pose.scratch.noalias() += ws.expansion.of->M_inverse * pose.G.transpose();
   return std::sqrt(std::max(0.0, pose.scratch.cwiseProduct(pose.scratch.transpose()).sum()));
 }
 
@@ -46,24 +46,24 @@ double InertiaChange(const MechanismStep& here) {
 template <class Change>
 void ChangeEvaluator(const MechanismStep& here, const Change& change) {
   const auto& [model, state, ws] = here;
-  ws.rhs.noalias() = ws.mass.M * ws.x;
+  ws.scratch.rhs.noalias() = ws.mass.M * ws.x;
   change();
   UpdateConfiguration(here);
-  SolveOrFail(ws.mass.factor, ws.mass.M, ws.rhs);
-  ws.x = ws.rhs;
+  SolveOrFail(ws.mass.factor, ws.mass.M, ws.scratch.rhs);
+  ws.x = ws.scratch.rhs;
   state.reduced.w = ws.x;
 }
 
 // Where the next exact pose starts from: a function of the state.
 void ResetConfiguration(const MechanismStep& here) {
-  here.work.is_expanded = false;
+  here.work.expansion.in_use = false;
   here.work.configuration.mu = here.state.mu;
   here.work.configuration.foresees = false;
 }
 
 bool IsFar(const MechanismStep& here) {
   const MechanismWorkspace& ws = here.work;
-  return FarthestTurn(here, ws.expanded->expansion.Q, ws.expanded_pose.delta) > 1 ||
+  return FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) > 1 ||
          InertiaChange(here) > kInertiaChanged;
 }
 
@@ -77,11 +77,11 @@ void DropExpansion(const MechanismStep& here) {
 }  // namespace
 
 void DropExpansionIfFar(const MechanismStep& here) {
-  if (here.work.is_expanded && IsFar(here)) DropExpansion(here);
+  if (here.work.expansion.in_use && IsFar(here)) DropExpansion(here);
 }
 
 void UseExactPose(const MechanismStep& here) {
-  if (!here.work.is_expanded) return;
+  if (!here.work.expansion.in_use) return;
   ResetConfiguration(here);
   UpdateConfiguration(here);
 }
@@ -90,15 +90,15 @@ void StartExpansions(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   if (!model.expands) return;
   Expand(here);
-  ws.is_expanded = true;
+  ws.expansion.in_use = true;
   UpdateConfiguration(here);
 }
 
 void RestoreExpansion(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  ws.is_expanded = state.expanded_at.size() > 0;
-  if (!ws.is_expanded ||
-      (ws.expanded && ws.expanded->of == model.reduced && ws.expanded->expansion.z == state.expanded_at))
+  ws.expansion.in_use = state.expanded_at.size() > 0;
+  if (!ws.expansion.in_use || (ws.expansion.of && ws.expansion.of->of == model.reduced &&
+                               ws.expansion.of->expansion.z == state.expanded_at))
     return;
   ReducedState at = state.reduced;
   at.z = state.expanded_at;
@@ -114,8 +114,8 @@ void ChooseEvaluator(const MechanismStep& here) {
 
 void EndWithExpansion(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  if (ws.is_expanded || state.expanded_at.size() == 0) return;
-  ws.is_expanded = true;
+  if (ws.expansion.in_use || state.expanded_at.size() == 0) return;
+  ws.expansion.in_use = true;
   UpdatePose(here);
   if (IsWithinExpansion(here)) return;
   Expand(here);
@@ -124,7 +124,8 @@ void EndWithExpansion(const MechanismStep& here) {
 
 bool IsWithinExpansion(const MechanismView& here) {
   const MechanismWorkspace& ws = here.work;
-  return !ws.is_expanded || FarthestTurn(here, ws.expanded->expansion.Q, ws.expanded_pose.delta) < kBeyond;
+  return !ws.expansion.in_use ||
+         FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) < kBeyond;
 }
 
 bool UpdateExpansion(const MechanismStep& here, double h) {
@@ -132,15 +133,15 @@ bool UpdateExpansion(const MechanismStep& here, double h) {
   if (!model.expands) return false;
   ws.velocities.w = h * state.reduced.w;
   const double turn = FarthestTurn(here, ws.Q_now(), ws.velocities.w);
-  if (ws.is_expanded && kStepsThatPay * turn > 1) {
+  if (ws.expansion.in_use && kStepsThatPay * turn > 1) {
     DropExpansion(here);
     return false;
   }
-  const bool expands = ws.is_expanded ? IsFar(here) : 2 * kStepsThatPay * turn < 1;
+  const bool expands = ws.expansion.in_use ? IsFar(here) : 2 * kStepsThatPay * turn < 1;
   if (expands)
     ChangeEvaluator(here, [&] {
       Expand(here);
-      ws.is_expanded = true;
+      ws.expansion.in_use = true;
     });
   return expands;
 }

@@ -1,7 +1,8 @@
 #include <fork1s/stepping/free_body.hpp>
 
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
+
+#include "linalg/cholesky.hpp"
 
 namespace fork1s {
 namespace {
@@ -18,67 +19,65 @@ FreeBody::FreeBody(const FreeBodyDef& definition)
     : name_(definition.name),
       inertia_(definition.inertia),
       weight_share_(1 - definition.gravity_compensation),
-      rotational_root_(CholeskyRoot(definition.inertia.rotational.inverse())),
-      X_WB_(definition.X_WB) {}
+      rotational_root_(CholeskyRoot(definition.inertia.rotational.inverse())) {
+  state_.X_WB = definition.X_WB;
+}
 
 void FreeBody::SetState(const RigidTransform& X_WB, const Vector3& omega_W,
                         const Vector3& velocity_of_origin_W) {
-  X_WB_ = X_WB;
-  omega_B_ = X_WB.rotation().transpose() * omega_W;
-  omega_B_before_ = omega_B_;
-  velocity_ = velocity_of_origin_W + omega_W.cross(X_WB.rotation() * inertia_.center);
-  velocity_before_ = velocity_;
+  state_.X_WB = X_WB;
+  state_.omega_B = X_WB.rotation().transpose() * omega_W;
+  step_.omega_B = state_.omega_B;
+  state_.velocity = velocity_of_origin_W + omega_W.cross(X_WB.rotation() * inertia_.center);
+  step_.velocity = state_.velocity;
 }
 
 void FreeBody::AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
-  load_.Add(force_W, moment_W, X_WB_.rotation().transpose() * (point_W - center_W()));
+  state_.load.Add(force_W, moment_W, state_.X_WB.rotation().transpose() * (point_W - center_W()));
 }
 
 Vector6 FreeBody::PortTwist() const {
   Vector6 V;
-  V << X_WB_.rotation() * omega_B_, velocity_;
+  V << state_.X_WB.rotation() * state_.omega_B, state_.velocity;
   return V;
 }
 
 Vector6 FreeBody::StartPortTwist() const {
   Vector6 V;
-  V << X_stage_start_.rotation() * stage_start_.omega_B, stage_start_.center;
+  V << stage_start_.X_WB.rotation() * stage_start_.velocity.omega_B, stage_start_.velocity.center;
   return V;
 }
 
 Vector6 FreeBody::OriginVelocity() const {
   Vector6 V = PortTwist();
-  V.tail<3>() -= V.head<3>().cross(X_WB_.rotation() * inertia_.center);
+  V.tail<3>() -= V.head<3>().cross(state_.X_WB.rotation() * inertia_.center);
   return V;
 }
 
 Matrix6 FreeBody::InverseInertiaRoot() const {
-  if (is_stiff_) return stage_root_;
+  if (stage_.is_stiff) return stage_.root;
   Matrix6 Y = Matrix6::Zero();
-  Y.topLeftCorner<3, 3>() = (X_WB_.rotation() * rotational_root_).transpose();
+  Y.topLeftCorner<3, 3>() = (state_.X_WB.rotation() * rotational_root_).transpose();
   Y.bottomRightCorner<3, 3>() = Matrix3::Identity() / std::sqrt(inertia_.mass);
   return Y;
 }
 
 void FreeBody::SetPortTwist(const Vector6& V) {
-  pushed_ = true;
-  omega_B_ = X_WB_.rotation().transpose() * V.head<3>();
-  velocity_ = V.tail<3>();
+  step_.pushed = true;
+  state_.omega_B = state_.X_WB.rotation().transpose() * V.head<3>();
+  state_.velocity = V.tail<3>();
 }
 
 void FreeBody::Restore(const State& state) {
-  X_WB_ = state.X_WB;
-  omega_B_ = omega_B_before_ = state.omega_B;
-  velocity_ = velocity_before_ = state.velocity;
-  load_ = state.load;
-  point_spring_ = state.point_spring;
-  angular_acceleration_B_ = state.angular_acceleration_B;
-  acceleration_ = state.acceleration;
-  pushed_ = is_stiff_ = false;
+  state_ = state;
+  step_.omega_B = state.omega_B;
+  step_.velocity = state.velocity;
+  step_.pushed = stage_.is_stiff = false;
 }
 
 double FreeBody::KineticEnergy() const {
-  return 0.5 * (omega_B_.dot(inertia_.rotational * omega_B_) + inertia_.mass * velocity_.squaredNorm());
+  return 0.5 * (state_.omega_B.dot(inertia_.rotational * state_.omega_B) +
+                inertia_.mass * state_.velocity.squaredNorm());
 }
 
 }  // namespace fork1s

@@ -13,41 +13,45 @@
 // al. 2005, Robust quasistatic finite elements): A is positive definite at any stiffness. What is left out of
 // it, and the turn of M, change the convergence of the iteration only, not the equation.
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/stepping/free_body.hpp>
+
+#include "linalg/cholesky.hpp"
+#include "linalg/spectrum.hpp"
+#include "stepping/stage_motion.hpp"
 
 namespace fork1s {
 
 void FreeBody::BeginStep(double b, const Vector3& gravity_W) {
-  gravity_W_ = gravity_W;
-  omega_B_before_ = omega_B_;
-  velocity_before_ = velocity_;
-  X_WB_before_ = X_WB_;
-  pushed_ = false;
-  step_start_ = {X_WB_.rotation(), center_W(), X_WB_.rotation() * (inertia_.rotational * omega_B_),
-                 velocity_};
-  stage_base_ = step_start_;
-  omega_B_ += b * angular_acceleration_B_;
-  velocity_ += b * acceleration_;
+  step_.gravity_W = gravity_W;
+  step_.omega_B = state_.omega_B;
+  step_.velocity = state_.velocity;
+  step_.X_WB = state_.X_WB;
+  step_.pushed = false;
+  step_.base = {state_.X_WB.rotation(), center_W(),
+                state_.X_WB.rotation() * (inertia_.rotational * state_.omega_B), state_.velocity};
+  stage_.base = step_.base;
+  state_.omega_B += b * state_.angular_acceleration_B;
+  state_.velocity += b * state_.acceleration;
 }
 
 void FreeBody::MoveToStagePose(double b) {
-  X_WB_.rotation() = stage_base_.R_WB * ExpRotation(b * omega_B_);
-  X_WB_.Orthonormalize();
-  X_WB_.translation() = stage_base_.center_W + b * velocity_ - X_WB_.rotation() * inertia_.center;
+  state_.X_WB.rotation() = stage_.base.R_WB * ExpRotation(b * state_.omega_B);
+  state_.X_WB.Orthonormalize();
+  state_.X_WB.translation() =
+      stage_.base.center_W + b * state_.velocity - state_.X_WB.rotation() * inertia_.center;
 }
 
 void FreeBody::RecordStageStart(bool of_step) {
-  X_stage_start_ = X_WB_;
-  center_stage_start_ = center_W();
-  stage_start_ = of_step ? Velocity{omega_B_before_, velocity_before_} : Velocity{omega_B_, velocity_};
+  stage_start_.X_WB = state_.X_WB;
+  stage_start_.center_W = center_W();
+  stage_start_.velocity =
+      of_step ? Velocity{step_.omega_B, step_.velocity} : Velocity{state_.omega_B, state_.velocity};
 }
 
 void FreeBody::MoveToStageStart(double b) {
-  X_WB_ = X_stage_start_;
-  omega_B_ = LogRotation(stage_base_.R_WB.transpose() * X_WB_.rotation()) / b;
-  velocity_ = (center_stage_start_ - stage_base_.center_W) / b;
+  state_.X_WB = stage_start_.X_WB;
+  state_.omega_B = LogRotation(stage_.base.R_WB.transpose() * state_.X_WB.rotation()) / b;
+  state_.velocity = (stage_start_.center_W - stage_.base.center_W) / b;
 }
 
 // ω with R I ω = l̂ + b τ(R) by Newton's method: with m = Rᵀ (l̂ + b τ), ∂m/∂ω = b ([m₀]x + b L) dexp(-b ω). m₀
@@ -55,11 +59,11 @@ void FreeBody::MoveToStageStart(double b) {
 // TurnedLever(G)ᵀ, G = Σ p (Rᵀ F)ᵀ.
 Vector3 FreeBody::FreeTurning(double b, Vector3 omega) const {
   constexpr int kMaxIterations = 12;
-  const Vector3 constant_W = stage_base_.spin_W + b * load_.moment_W;
+  const Vector3 constant_W = stage_.base.spin_W + b * state_.load.moment_W;
   for (int i = 0; i < kMaxIterations; ++i) {
-    const Matrix3 R = stage_base_.R_WB * ExpRotation(b * omega);
+    const Matrix3 R = stage_.base.R_WB * ExpRotation(b * omega);
     const Vector3 constant = R.transpose() * constant_W;
-    const Matrix3 G = load_.force_moments * R;
+    const Matrix3 G = state_.load.force_moments * R;
     const Vector3 m = constant + b * AppliedForces::Axial(G);
     const Matrix3 turned = Skew(constant) + b * AppliedForces::TurnedLever(G).transpose();
     const Matrix3 tangent = inertia_.rotational - b * turned * DexpRotation(-b * omega);
@@ -71,7 +75,7 @@ Vector3 FreeBody::FreeTurning(double b, Vector3 omega) const {
 }
 
 Eigen::Matrix<double, 3, 6> FreeBody::SpringJacobian() const {
-  const Vector3 arm_W = X_WB_.rotation() * (point_spring_.point_B - inertia_.center);
+  const Vector3 arm_W = state_.X_WB.rotation() * (state_.point_spring.point_B - inertia_.center);
   Eigen::Matrix<double, 3, 6> J;
   J << -Skew(arm_W), Matrix3::Identity();
   return J;
@@ -80,117 +84,121 @@ Eigen::Matrix<double, 3, 6> FreeBody::SpringJacobian() const {
 // [moment about the centre; force] at the pose at hand, without the damper of the spring.
 Vector6 FreeBody::StageForce() const {
   Vector6 f;
-  f << load_.MomentAt(X_WB_.rotation()), load_.force_W + weight_share_ * inertia_.mass * gravity_W_;
-  if (point_spring_.IsActive())
-    f += SpringJacobian().transpose() * point_spring_.SpringForce(X_WB_ * point_spring_.point_B);
+  f << state_.load.MomentAt(state_.X_WB.rotation()),
+      state_.load.force_W + weight_share_ * inertia_.mass * step_.gravity_W;
+  if (state_.point_spring.IsActive())
+    f += SpringJacobian().transpose() *
+         state_.point_spring.SpringForce(state_.X_WB * state_.point_spring.point_B);
   return f;
 }
 
 // p̂ + b f at the pose at hand.
 Vector6 FreeBody::StageMomentum(double b) const {
   Vector6 p;
-  p << stage_base_.spin_W, inertia_.mass * stage_base_.velocity;
+  p << stage_.base.spin_W, inertia_.mass * stage_.base.velocity;
   return p + b * StageForce();
 }
 
 void FreeBody::PredictStiffStage(double b) {
-  const Matrix3& R = X_WB_.rotation();
+  const Matrix3& R = state_.X_WB.rotation();
   const Vector6 V = PortTwist();
   Matrix6 K = Matrix6::Zero();
-  Matrix3 moments = R * load_.force_moments;
-  stage_A_.setZero();
-  stage_A_.topLeftCorner<3, 3>() = R * inertia_.rotational * R.transpose();
-  stage_A_.bottomRightCorner<3, 3>() = inertia_.mass * Matrix3::Identity();
-  if (point_spring_.IsActive()) {
+  Matrix3 moments = R * state_.load.force_moments;
+  stage_.A.setZero();
+  stage_.A.topLeftCorner<3, 3>() = R * inertia_.rotational * R.transpose();
+  stage_.A.bottomRightCorner<3, 3>() = inertia_.mass * Matrix3::Identity();
+  if (state_.point_spring.IsActive()) {
     const Eigen::Matrix<double, 3, 6> J = SpringJacobian();
-    const Vector3 force =
-        point_spring_.SpringForce(X_WB_ * point_spring_.point_B) - point_spring_.damping * (J * V);
-    moments += R * (point_spring_.point_B - inertia_.center) * force.transpose();
-    K = point_spring_.stiffness * J.transpose() * J;
-    stage_A_ += b * point_spring_.damping * J.transpose() * J;
+    const Vector3 force = state_.point_spring.SpringForce(state_.X_WB * state_.point_spring.point_B) -
+                          state_.point_spring.damping * (J * V);
+    moments += R * (state_.point_spring.point_B - inertia_.center) * force.transpose();
+    K = state_.point_spring.stiffness * J.transpose() * J;
+    stage_.A += b * state_.point_spring.damping * J.transpose() * J;
   }
   const Matrix3 turned = AppliedForces::TurnedLever(moments);
   K.topLeftCorner<3, 3>() += PositivePart(-0.5 * (turned + turned.transpose()));
-  stage_A_ += b * b * K;
-  stage_rhs_ = StageMomentum(b) + b * b * (K * V);
-  stage_root_ = InverseRoot(stage_A_);
-  const Vector6 found = stage_root_.transpose() * (stage_root_ * stage_rhs_);
-  omega_B_ = R.transpose() * found.head<3>();
-  velocity_ = found.tail<3>();
+  stage_.A += b * b * K;
+  stage_.rhs = StageMomentum(b) + b * b * (K * V);
+  stage_.root = InverseRoot(stage_.A);
+  const Vector6 found = stage_.root.transpose() * (stage_.root * stage_.rhs);
+  state_.omega_B = R.transpose() * found.head<3>();
+  state_.velocity = found.tail<3>();
 }
 
 void FreeBody::PredictStage(double b, bool touched) {
-  pushed_ = false;
-  is_stiff_ = point_spring_.IsActive() || (touched && !load_.IsZero());
-  if (is_stiff_) return PredictStiffStage(b);
-  load_moment_W_ = load_.MomentAt(X_WB_.rotation());
-  const Vector3 spin_W = stage_base_.spin_W + b * load_moment_W_;
-  velocity_ = stage_base_.velocity + b * (weight_share_ * gravity_W_ + load_.force_W / inertia_.mass);
-  omega_B_ = touched ? Vector3(InverseInertia_B() * (X_WB_.rotation().transpose() * spin_W))
-                     : FreeTurning(b, omega_B_);
+  step_.pushed = false;
+  stage_.is_stiff = state_.point_spring.IsActive() || (touched && !state_.load.IsZero());
+  if (stage_.is_stiff) return PredictStiffStage(b);
+  stage_.load_moment_W = state_.load.MomentAt(state_.X_WB.rotation());
+  const Vector3 spin_W = stage_.base.spin_W + b * stage_.load_moment_W;
+  state_.velocity =
+      stage_.base.velocity + b * (weight_share_ * step_.gravity_W + state_.load.force_W / inertia_.mass);
+  state_.omega_B = touched ? Vector3(InverseInertia_B() * (state_.X_WB.rotation().transpose() * spin_W))
+                           : FreeTurning(b, state_.omega_B);
 }
 
 double FreeBody::MoveAndComputeStiffResidual(double b, StageMotion& moved) {
   Vector6 impulse = Vector6::Zero();  // of contact
-  if (pushed_) impulse = stage_A_ * PortTwist() - stage_rhs_;
+  if (step_.pushed) impulse = stage_.A * PortTwist() - stage_.rhs;
   MoveToStagePose(b);
   const Vector6 V = PortTwist();
   Vector6 momentum = StageMomentum(b) + impulse;
-  if (point_spring_.IsActive()) {
+  if (state_.point_spring.IsActive()) {
     const Eigen::Matrix<double, 3, 6> J = SpringJacobian();
-    momentum -= b * point_spring_.damping * (J.transpose() * (J * V));
+    momentum -= b * state_.point_spring.damping * (J.transpose() * (J * V));
   }
-  spin_end_W_ = momentum.head<3>();
-  velocity_end_ = momentum.tail<3>() / inertia_.mass;
+  stage_.spin_end_W = momentum.head<3>();
+  stage_.velocity_end = momentum.tail<3>() / inertia_.mass;
   Vector6 present;
-  present << X_WB_.rotation() * (inertia_.rotational * omega_B_), inertia_.mass * velocity_;
+  present << state_.X_WB.rotation() * (inertia_.rotational * state_.omega_B), inertia_.mass * state_.velocity;
   moved.motion = b * std::sqrt(V.dot(present) / inertia_.mass);
-  const Vector3 spun = omega_B_ - omega_B_before_, sped = velocity_ - velocity_before_;
+  const Vector3 spun = state_.omega_B - step_.omega_B, sped = state_.velocity - step_.velocity;
   moved.velocity_change =
       b * std::sqrt(spun.dot(inertia_.rotational * spun) / inertia_.mass + sped.squaredNorm());
-  return b * (stage_root_ * (momentum - present)).norm() / std::sqrt(inertia_.mass);
+  return b * (stage_.root * (momentum - present)).norm() / std::sqrt(inertia_.mass);
 }
 
 double FreeBody::MoveAndComputeResidual(double b, StageMotion& moved) {
-  if (is_stiff_) return MoveAndComputeStiffResidual(b, moved);
-  velocity_end_ = velocity_;
+  if (stage_.is_stiff) return MoveAndComputeStiffResidual(b, moved);
+  stage_.velocity_end = state_.velocity;
   // The momentum of the pose linearised at, as contact left it.
-  const Vector3 spin_W = X_WB_.rotation() * (inertia_.rotational * omega_B_);
+  const Vector3 spin_W = state_.X_WB.rotation() * (inertia_.rotational * state_.omega_B);
   MoveToStagePose(b);
-  const Vector3 load_moment_W = load_.MomentAt(X_WB_.rotation());
-  spin_end_W_ = pushed_ ? Vector3(spin_W + b * (load_moment_W - load_moment_W_))
-                        : Vector3(stage_base_.spin_W + b * load_moment_W);
+  const Vector3 load_moment_W = state_.load.MomentAt(state_.X_WB.rotation());
+  stage_.spin_end_W = step_.pushed ? Vector3(spin_W + b * (load_moment_W - stage_.load_moment_W))
+                                   : Vector3(stage_.base.spin_W + b * load_moment_W);
   const double mass = inertia_.mass;
-  moved.motion = b * std::sqrt(omega_B_.dot(inertia_.rotational * omega_B_) / mass);
-  const Vector3 spun = omega_B_ - omega_B_before_;
+  moved.motion = b * std::sqrt(state_.omega_B.dot(inertia_.rotational * state_.omega_B) / mass);
+  const Vector3 spun = state_.omega_B - step_.omega_B;
   moved.velocity_change = b * std::sqrt(spun.dot(inertia_.rotational * spun) / mass);
-  const Vector3 residual = X_WB_.rotation().transpose() * spin_end_W_ - inertia_.rotational * omega_B_;
+  const Vector3 residual =
+      state_.X_WB.rotation().transpose() * stage_.spin_end_W - inertia_.rotational * state_.omega_B;
   return b * std::sqrt(residual.dot(InverseInertia_B() * residual) / mass);
 }
 
 void FreeBody::ExtrapolateStage(double b, double onward) {
-  const StageBase& start = step_start_;
-  stage_base_.R_WB = start.R_WB * ExpRotation(onward * b * omega_B_);
-  stage_base_.center_W = start.center_W + onward * (center_W() - start.center_W);
-  stage_base_.spin_W = start.spin_W + onward * (spin_end_W_ - start.spin_W);
-  stage_base_.velocity = start.velocity + onward * (velocity_end_ - start.velocity);
-  omega_B_first_ = omega_B_;
-  velocity_first_ = velocity_;
-  omega_B_ = omega_B_before_ + (1 + onward) * (omega_B_ - omega_B_before_);
-  velocity_ = velocity_before_ + (1 + onward) * (velocity_ - velocity_before_);
+  const StageBase& start = step_.base;
+  stage_.base.R_WB = start.R_WB * ExpRotation(onward * b * state_.omega_B);
+  stage_.base.center_W = start.center_W + onward * (center_W() - start.center_W);
+  stage_.base.spin_W = start.spin_W + onward * (stage_.spin_end_W - start.spin_W);
+  stage_.base.velocity = start.velocity + onward * (stage_.velocity_end - start.velocity);
+  stage_.omega_B_first = state_.omega_B;
+  stage_.velocity_first = state_.velocity;
+  state_.omega_B = step_.omega_B + (1 + onward) * (state_.omega_B - step_.omega_B);
+  state_.velocity = step_.velocity + (1 + onward) * (state_.velocity - step_.velocity);
 }
 
 void FreeBody::EndStep(double between_stages) {
-  angular_acceleration_B_.setZero();
-  acceleration_.setZero();
+  state_.angular_acceleration_B.setZero();
+  state_.acceleration.setZero();
   if (between_stages > 0) {
-    angular_acceleration_B_ = (omega_B_ - omega_B_first_) / between_stages;
-    acceleration_ = (velocity_ - velocity_first_) / between_stages;
+    state_.angular_acceleration_B = (state_.omega_B - stage_.omega_B_first) / between_stages;
+    state_.acceleration = (state_.velocity - stage_.velocity_first) / between_stages;
   }
-  omega_B_ = InverseInertia_B() * (X_WB_.rotation().transpose() * spin_end_W_);
-  velocity_ = velocity_end_;
-  is_stiff_ = false;
-  load_ = {};
+  state_.omega_B = InverseInertia_B() * (state_.X_WB.rotation().transpose() * stage_.spin_end_W);
+  state_.velocity = stage_.velocity_end;
+  stage_.is_stiff = false;
+  state_.load = {};
 }
 
 }  // namespace fork1s

@@ -68,7 +68,7 @@ namespace {
 // Pose and twist of a driven base in the stage that ends at `time`.
 void MoveDrivenBase(const MechanismStep& here, double time) {
   const auto& [model, state, ws] = here;
-  const BasePath& path = ws.base_path;
+  const BasePath& path = ws.driven.path;
   const double share = time / path.h;
   if (share < 1) {
     const Vector6 moved = time * path.RateAt(share);
@@ -89,7 +89,7 @@ void EvaluateStage(const MechanismStep& here, double b) {
   ws.stage.length = b;
   ComputeMomentumResidual(here, ws.stage.time, ws.stage.base, ws.x, b);
   const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W;
-  if (ws.is_expanded) {
+  if (ws.expansion.in_use) {
     LoadExpandedForces(here, gravity_R);
   } else {
     if (model.reduced->has_complement) ws.missing.inertial_force = ws.momentum_change.joint / b;
@@ -105,10 +105,10 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
   const int r = model.size();
   ws.forces.gravity_W = gravity_W;
   ChooseEvaluator(here);
-  ws.start.by_expansion = ws.is_expanded;
+  ws.start.by_expansion = ws.expansion.in_use;
   ws.start.X_WR = state.reduced.X_WR;
   ws.start.V_R = state.reduced.V_R;
-  if (ws.is_expanded) {
+  if (ws.expansion.in_use) {
     ComputeExpandedJointRates(here, state.reduced.w, ws.start.q_dot);
   } else {
     ws.start.q_dot.setZero();
@@ -122,13 +122,13 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
   ws.drift_W.setZero();
   if (model.base_size > 0) ws.drift_W = ws.floating.linear_W / ws.mass.M_00(5, 5);
   if (model.mechanism().base() == BaseKind::kDriven) {
-    ws.base_path = PathOfBase(state, h);
-    ws.drift_W = ws.base_path.MeanRate().tail<3>();
-    if (ws.base_path.jumps) state.reduced.V_R = BaseTwist(ws.base_path, 0, state.reduced.X_WR);
-    if (ws.base_path.jumps && r > 0) {
-      ws.velocity_jump.noalias() = ws.mass.M_0z.transpose() * (ws.start.V_R - state.reduced.V_R);
-      SolveOrFail(ws.mass.factor, ws.mass.M, ws.velocity_jump);
-      ws.x += ws.velocity_jump;
+    ws.driven.path = PathOfBase(state, h);
+    ws.drift_W = ws.driven.path.MeanRate().tail<3>();
+    if (ws.driven.path.jumps) state.reduced.V_R = BaseTwist(ws.driven.path, 0, state.reduced.X_WR);
+    if (ws.driven.path.jumps && r > 0) {
+      ws.driven.velocity_jump.noalias() = ws.mass.M_0z.transpose() * (ws.start.V_R - state.reduced.V_R);
+      SolveOrFail(ws.mass.factor, ws.mass.M, ws.driven.velocity_jump);
+      ws.x += ws.driven.velocity_jump;
     }
   }
   StageBase& start = ws.start.base;
@@ -168,7 +168,7 @@ void MovePose(const MechanismStep& here, double b, double time, bool with_deriva
   }
   if (with_derivatives) {
     UpdatePose(here);
-  } else if (ws.is_expanded) {
+  } else if (ws.expansion.in_use) {
     MoveExpanded(here);
   } else {
     ConfigurePose(*model.reduced, state.reduced, ws.configuration);
@@ -187,12 +187,12 @@ void RecordStageMomenta(const MechanismStep& here, double b, double time) {
   Vector6 impulse = b * ws.forces.base + ws.stage.impulse.head<6>();
   if (HasForcesFromOutside(state)) {
     // As the velocity found has changed them.
-    ws.rhs = ws.x - ws.stage.v_k;
-    ws.solved.noalias() = ws.loads.K.selfadjointView<Eigen::Lower>() * ws.rhs;
-    impulse -= b * b * ws.solved.head<6>();
+    ws.scratch.rhs = ws.x - ws.stage.v_k;
+    ws.scratch.solved.noalias() = ws.loads.K.selfadjointView<Eigen::Lower>() * ws.scratch.rhs;
+    impulse -= b * b * ws.scratch.solved.head<6>();
     if (state.point_spring.IsActive())
       impulse -= state.point_spring.ImplicitMass(b) *
-                 (ws.point_spring.J.leftCols<6>().transpose() * (ws.point_spring.J * ws.rhs));
+                 (ws.point_spring.J.leftCols<6>().transpose() * (ws.point_spring.J * ws.scratch.rhs));
   }
   ws.stage.end.momentum_defect =
       Total(ws.stage.base) + FlattenWrench(here, time, impulse) - ws.stage.end.momentum.rowwise().sum();
@@ -246,8 +246,8 @@ namespace {
 // Displacement [m] by a velocity x [num_velocities] within b, in the kinetic metric.
 double Displacement(const MechanismStep& here, double b, const VectorX& x) {
   MechanismWorkspace& ws = here.work;
-  ws.solved.noalias() = ws.mass.M * x;
-  return b * RootOf(x.dot(ws.solved) / std::max(here.model.mechanism().total_mass(), 1e-300));
+  ws.scratch.solved.noalias() = ws.mass.M * x;
+  return b * RootOf(x.dot(ws.scratch.solved) / std::max(here.model.mechanism().total_mass(), 1e-300));
 }
 
 }  // namespace
@@ -256,14 +256,14 @@ StageChange ComputeStageChange(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   StageChange out;
   if (model.num_velocities() == 0) return out;
-  ws.rhs = ws.x - ws.stage.v_k;
-  out.change = Displacement(here, b, ws.rhs);
-  ws.rhs = ws.x - ws.start.x;
-  out.velocity_change = Displacement(here, b, ws.rhs);
+  ws.scratch.rhs = ws.x - ws.stage.v_k;
+  out.change = Displacement(here, b, ws.scratch.rhs);
+  ws.scratch.rhs = ws.x - ws.start.x;
+  out.velocity_change = Displacement(here, b, ws.scratch.rhs);
   // Beside the drift of the base: what moves along with something is solved as well as what rests.
   out.motion = Displacement(here, b, ws.x);
   if (model.base_size > 0)
-    out.motion = RootOf(out.motion * out.motion - b * b * ws.solved.segment<3>(3).squaredNorm() /
+    out.motion = RootOf(out.motion * out.motion - b * b * ws.scratch.solved.segment<3>(3).squaredNorm() /
                                                       (ws.mass.M_00(5, 5) * model.mechanism().total_mass()));
   return out;
 }
@@ -275,9 +275,9 @@ double MoveAndComputeResidual(const MechanismStep& here, double b, double time) 
   if (model.num_velocities() == 0) return 0;
   ComputeStageResidual(here, b, ws.stage.residual);
   ws.stage.residual += ws.stage.impulse;
-  ws.rhs = ws.stage.residual;
-  ws.matrix.factor.SolveInPlace(ws.rhs);
-  return b * RootOf(ws.stage.residual.dot(ws.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
+  ws.scratch.rhs = ws.stage.residual;
+  ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
+  return b * RootOf(ws.stage.residual.dot(ws.scratch.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
 }
 
 void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
@@ -343,9 +343,9 @@ void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
 void ApplyImpulse(const MechanismStep& here, const VectorX& p) {
   const auto& [model, state, ws] = here;
   if (p.isZero(0)) return;
-  ws.rhs = p;
-  ws.matrix.factor.SolveInPlace(ws.rhs);
-  ws.x += ws.rhs;
+  ws.scratch.rhs = p;
+  ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
+  ws.x += ws.scratch.rhs;
   ws.stage.impulse += p;
 }
 

@@ -1,9 +1,9 @@
 // What loops bear: the multipliers of the rigid closures.
 #include <algorithm>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <limits>
 
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
 #include "mechanism_detail.hpp"
 
 namespace fork1s {

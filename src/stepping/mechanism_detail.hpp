@@ -2,11 +2,11 @@
 #pragma once
 
 #include <cmath>
-#include <fork1s/stepping/mechanism_model.hpp>
-#include <fork1s/stepping/mechanism_step.hpp>
 
 #include "forces/forces.hpp"
 #include "mechanism_workspace.hpp"
+#include "stepping/mechanism_model.hpp"
+#include "stepping/mechanism_step.hpp"
 
 namespace fork1s {
 

@@ -1,7 +1,6 @@
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
-#include <fork1s/linalg/cholesky.hpp>
-
+#include "linalg/cholesky.hpp"
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
@@ -70,15 +69,53 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   return dynamics;
 }
 
+MechanismDynamics::operator MechanismStep() { return {*model_, state_, *work_}; }
+MechanismDynamics::operator MechanismView() const { return {*model_, state_, *work_}; }
+
+const Configuration& MechanismDynamics::configuration() const { return ConfigurationOf(*this); }
 const std::vector<ContactGroup>& MechanismDynamics::groups() const { return model_->groups; }
 Recovery MechanismDynamics::recovery() const { return model_->options.recovery; }
-bool MechanismDynamics::is_expanded() const { return work_->is_expanded; }
+bool MechanismDynamics::is_expanded() const { return work_->expansion.in_use; }
 bool MechanismDynamics::went_by_expansion() const { return work_->start.by_expansion; }
 int MechanismDynamics::num_velocities() const { return model_->num_velocities(); }
 const std::vector<Mechanism::LengthLimit>& MechanismDynamics::length_limits() const {
   return model_->length_limits;
 }
 const std::vector<std::string>& MechanismDynamics::warnings() const { return model_->warnings; }
+
+void MechanismDynamics::AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+                                  const Vector3& point_W) {
+  fork1s::AddWrench(*this, body, force_W, moment_W, point_W);
+}
+void MechanismDynamics::SetPointSpring(BodyIndex body, const PointSpring& spring) {
+  fork1s::SetPointSpring(*this, body, spring);
+}
+LinearizationDrift MechanismDynamics::ComputeLinearizationDrift() const {
+  return fork1s::ComputeLinearizationDrift(*this);
+}
+bool MechanismDynamics::Refresh() { return fork1s::Refresh(model_, state_, *work_); }
+void MechanismDynamics::Restore(const MechanismState& saved) {
+  fork1s::Restore(model_, state_, *work_, saved);
+}
+
+int MechanismDynamics::NumForcesAtBound() const { return fork1s::NumForcesAtBound(state_); }
+double MechanismDynamics::Length(const Mechanism::Length& length) const {
+  return fork1s::Length(*this, length);
+}
+void MechanismDynamics::AddLengthForce(const Mechanism::Length& length, double force, VectorX& tau) const {
+  fork1s::AddLengthForce(*this, length, force, tau);
+}
+double MechanismDynamics::KineticEnergy() const { return fork1s::KineticEnergy(*this); }
+double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
+  return fork1s::PotentialEnergy(*this, gravity_W);
+}
+double MechanismDynamics::ClosureGapNow() const { return fork1s::ClosureGapNow(*this); }
+VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const {
+  return fork1s::ClosureForces(*this, h, contacts_R, near);
+}
+RigidTransform MechanismDynamics::BodyPose(BodyIndex b) const { return fork1s::BodyPose(*this, b); }
+void MechanismDynamics::BodyPoses(std::vector<RigidTransform>& X_RB) const { fork1s::BodyPoses(*this, X_RB); }
+Vector6 MechanismDynamics::BodyVelocity(BodyIndex b) const { return fork1s::BodyVelocity(*this, b); }
 
 void MechanismDynamics::ComputeLoadWrenches_W(Matrix6X& F) const {
   F.setZero(6, mechanism().num_bodies());

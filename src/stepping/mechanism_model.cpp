@@ -1,9 +1,9 @@
 // A mechanism about a reference: all that stays until the next refresh.
 #include <algorithm>
-#include <fork1s/reduction/invariant_joints.hpp>
-#include <fork1s/reduction/whole_groups.hpp>
 
 #include "mechanism_detail.hpp"
+#include "reduction/invariant_joints.hpp"
+#include "reduction/whole_groups.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,8 +1,8 @@
 // What contacts see of a mechanism: parts that move independently, the twists of its contact groups.
 #include <algorithm>
 #include <fork1s/base/quad.hpp>
-#include <fork1s/linalg/in_place.hpp>
 
+#include "linalg/in_place.hpp"
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
@@ -100,8 +100,8 @@ void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
   if (model.base_size > 0) J_T.topRows<6>().setIdentity();
   // Reduced coordinates of the part.
   const int first = part.begin;
-  if (ws.is_expanded) {
-    J_T = ws.expanded_pose.J[static_cast<std::size_t>(g)].middleCols(first, part.size).transpose();
+  if (ws.expansion.in_use) {
+    J_T = ws.expansion.pose.J[static_cast<std::size_t>(g)].middleCols(first, part.size).transpose();
   } else if (const int j = group.last_joint; j >= 0) {
     // Rows of T are columns here: both stand one number behind the other.
     const auto T = ws.jacobian.T(j);

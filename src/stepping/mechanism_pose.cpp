@@ -64,8 +64,8 @@ void Size(const MechanismStep& here) {
   ws.x.resize(nx);
   if (model.base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.x.tail(r) = state.reduced.w;
-  ws.rhs.resize(nx);
-  ws.solved.resize(nx);
+  ws.scratch.rhs.resize(nx);
+  ws.scratch.solved.resize(nx);
   ws.momentum_change.all.resize(nx);
   ws.forces.f_z.resize(r);
   ws.forces.g.resize(n);
@@ -87,8 +87,8 @@ void Size(const MechanismStep& here) {
   ws.stage.v_k.setZero(nx);
   if (ws.start.q_dot.size() != n) ws.start.q_dot.setZero(n);  // a new reference keeps it for ClosureForces
   ws.velocities.joint.setZero(n);
-  for (VectorX* v : {&ws.velocities.w, &ws.switched.way, &ws.momentum_change.reduced, &ws.velocity_jump,
-                     &ws.jump.force, &ws.jump.damper_force})
+  for (VectorX* v : {&ws.velocities.w, &ws.switched.way, &ws.momentum_change.reduced,
+                     &ws.driven.velocity_jump, &ws.jump.force, &ws.jump.damper_force})
     v->setZero(r);
   for (VectorX* v : {&ws.momentum_change.joint, &ws.jump.tau, &ws.missing.load, &ws.missing.inertia})
     v->setZero(n);
@@ -100,7 +100,7 @@ void Size(const MechanismStep& here) {
 // M of the present pose, by its Jacobians: O(joints x coordinates that reach them).
 void UpdateMassMatrix(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
-  if (ws.is_expanded) return ComputeExpandedMass(here);
+  if (ws.expansion.in_use) return ComputeExpandedMass(here);
   const int r = model.size();
   ws.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
                      ws.mass.M.bottomRightCorner(r, r), ws.mass.M_0z, ws.mass.M_00);
@@ -113,7 +113,7 @@ void UpdateMassMatrix(const MechanismStep& here) {
 
 void UpdatePose(const MechanismStep& here, bool loops_are_closed) {
   const auto& [model, state, ws] = here;
-  if (ws.is_expanded) return MoveExpanded(here);
+  if (ws.expansion.in_use) return MoveExpanded(here);
   if (loops_are_closed)
     ConfigureClosed(*model.reduced, state.reduced, ws.configuration);
   else
@@ -177,7 +177,7 @@ void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, dou
 
 RigidTransform GroupPose(const MechanismView& here, int g) {
   const auto& [model, state, ws] = here;
-  if (ws.is_expanded) return state.reduced.X_WR * ws.expanded_pose.X_RG[static_cast<std::size_t>(g)];
+  if (ws.expansion.in_use) return state.reduced.X_WR * ws.expansion.pose.X_RG[static_cast<std::size_t>(g)];
   return BodyPose(here, model.groups[static_cast<std::size_t>(g)].body);
 }
 
@@ -204,7 +204,7 @@ Vector6 InWorldAt(const RigidTransform& X_WR, const Vector6& V_R, const RigidTra
 Vector6 BodyVelocity(const MechanismView& here, BodyIndex b) {
   const auto& [model, state, ws] = here;
   Vector6 V = state.reduced.V_R;
-  if (const int j = model.mechanism().body(b).last_joint; ws.is_expanded) {
+  if (const int j = model.mechanism().body(b).last_joint; ws.expansion.in_use) {
     const Configuration& c = ConfigurationOf(here);
     V += BodyJacobian(model.mechanism(), c.kinematics, b) * (c.Q_now * state.reduced.w);
   } else if (j >= 0) {
@@ -217,13 +217,13 @@ Vector6 BodyVelocity(const MechanismView& here, BodyIndex b) {
 Vector6 GroupVelocity(const MechanismView& here, int g) {
   const auto& [model, state, ws] = here;
   const auto at = static_cast<std::size_t>(g);
-  if (!ws.is_expanded) return BodyVelocity(here, model.groups[at].body);
-  return InWorldAt(state.reduced.X_WR, ws.expanded_pose.J[at] * state.reduced.w, GroupPose(here, g));
+  if (!ws.expansion.in_use) return BodyVelocity(here, model.groups[at].body);
+  return InWorldAt(state.reduced.X_WR, ws.expansion.pose.J[at] * state.reduced.w, GroupPose(here, g));
 }
 
 const Configuration& ConfigurationOf(const MechanismView& here) {
   const auto& [model, state, ws] = here;
-  if (ws.is_expanded)
+  if (ws.expansion.in_use)
     ws.has_exact_pose.MakeOnce([&, &m = model, &s = state, &w = ws] {
       w.configuration.mu = s.mu;
       w.configuration.foresees = false;
@@ -241,12 +241,12 @@ bool IsFinite(const MechanismView& here) {
 
 bool PosesAreFinite(const MechanismView& here) {
   const auto& X =
-      here.work.is_expanded ? here.work.expanded_pose.X_RG : here.work.configuration.kinematics.X_RB;
+      here.work.expansion.in_use ? here.work.expansion.pose.X_RG : here.work.configuration.kinematics.X_RB;
   return std::all_of(X.begin(), X.end(), [](const RigidTransform& of) { return of.IsFinite(); });
 }
 
 double LoopResidualNow(const MechanismView& here) {
-  return here.work.is_expanded ? 0 : here.work.configuration.loop_residual;
+  return here.work.expansion.in_use ? 0 : here.work.configuration.loop_residual;
 }
 
 double ClosureGapNow(const MechanismView& here) {

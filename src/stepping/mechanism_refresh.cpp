@@ -1,11 +1,11 @@
 // Moving the reference to the present pose.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/mechanism/periodic_rotation.hpp>
-#include <fork1s/reduction/reduce_again.hpp>
 
+#include "linalg/cholesky.hpp"
+#include "mechanism/periodic_rotation.hpp"
 #include "mechanism_detail.hpp"
+#include "reduction/reduce_again.hpp"
 
 namespace fork1s {
 
@@ -64,9 +64,10 @@ LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
   for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     if (!by_twists && (model.invariant[at] || model.whole[at])) continue;
-    const double q = ws.is_expanded ? ws.expanded->expansion.q(i) +
-                                          ws.expanded->expansion.Q.row(i).dot(ws.expanded_pose.delta)
-                                    : ws.configuration.q(i);
+    const double q = ws.expansion.in_use
+                         ? ws.expansion.of->expansion.q(i) +
+                               ws.expansion.of->expansion.Q.row(i).dot(ws.expansion.pose.delta)
+                         : ws.configuration.q(i);
     const LinearizationDrift drift = DriftOf(model.mechanism(), DriftCause::kTurnedJoint, i,
                                              q - model.reduced->q_ref(i), model.options.refresh_angle);
     if (drift.share > largest.share) largest = drift;
@@ -127,7 +128,7 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   const Mechanism& m = model.mechanism();
   const Kinematics& kinematics = ws.configuration.kinematics;
   state.reference_age += h;
-  if (ws.is_expanded) EvaluateExactForces(here);
+  if (ws.expansion.in_use) EvaluateExactForces(here);
   ws.forces.F = contact_impulses_R / ws.stage.length;
   AddAppliedWrenches(here, ws.forces.F);  // a point spring; loads of the step are in g
   ws.missing.load = ws.forces.g;
@@ -216,8 +217,8 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   StartAtReference(*model, state);
   state.reference_age = 0;
   state.expanded_at.resize(0);
-  const bool expands = ws.is_expanded;
-  ws.is_expanded = false;
+  const bool expands = ws.expansion.in_use;
+  ws.expansion.in_use = false;
   Renew(here);
   VectorX x = SolveSymmetric(ws.mass.M, p);
   if (!x.allFinite()) {

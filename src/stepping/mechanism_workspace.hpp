@@ -3,9 +3,6 @@
 
 #include <atomic>
 #include <cmath>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/reduction/reduced_jacobian.hpp>
-#include <fork1s/stepping/mechanism_model.hpp>
 #include <fork1s/stepping/mechanism_state.hpp>
 #include <memory>
 #include <mutex>
@@ -13,6 +10,9 @@
 #include <vector>
 
 #include "expanded_pose.hpp"
+#include "linalg/cholesky.hpp"
+#include "reduction/reduced_jacobian.hpp"
+#include "stepping/mechanism_model.hpp"
 
 namespace fork1s {
 
@@ -194,14 +194,34 @@ class PoseFlag {
   std::mutex mutex_;
 };
 
+/// The expansion that poses are told by (expansions.cpp).
+struct PoseByExpansion {
+  std::shared_ptr<const ExpandedMechanism> of;
+  ExpandedPose pose;
+  bool in_use = false;  // the pose at hand is told by it
+};
+
+/// A driven base in the step at hand.
+struct DrivenBase {
+  BasePath path;
+  VectorX velocity_jump;  // r: by the jump of its twist
+};
+
+/// Scratch of one function at a time.
+struct Scratch {
+  VectorX rhs, solved;       // num_velocities: right side of a linear system, solution
+  VectorX length_row;        // r: rate of a length per unit of the rates
+  RowMatrixX rotation_rows;  // E Q_θ of damped rotations, three rows each
+};
+
 /// Sizes: n joint coordinates, r reduced ones, k rigid parts.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
       : configuration(*model.reduced), jacobian(*model.reduced), inertia(*model.reduced) {}
 
   /// Rows of coordinates that nobody names are those of the expansion, where the pose is told by one.
-  const RowMatrixX& Q_now() const { return is_expanded ? expanded_pose.Q : configuration.Q_now; }
-  const VectorX& q() const { return is_expanded ? expanded_pose.q : configuration.q; }
+  const RowMatrixX& Q_now() const { return expansion.in_use ? expansion.pose.Q : configuration.Q_now; }
+  const VectorX& q() const { return expansion.in_use ? expansion.pose.q : configuration.q; }
   const std::vector<PathState>& paths() const { return configuration.kinematics.paths; }
 
   // Of the pose at hand. Between expansions the configuration is made when somebody asks for it
@@ -216,13 +236,10 @@ struct MechanismWorkspace {
   MomentumChange momentum_change;
   PointSpringAtPose point_spring;
 
-  std::shared_ptr<const ExpandedMechanism> expanded;
-  ExpandedPose expanded_pose;
-  bool is_expanded = false;  // the pose at hand is told by `expanded`
+  PoseByExpansion expansion;
 
-  VectorX x;                          // num_velocities: the velocity at hand
-  VectorX velocity_jump;              // r: by the jump of a driven base
-  BasePath base_path;                 // of a driven base
+  VectorX x;  // num_velocities: the velocity at hand
+  DrivenBase driven;
   Vector3 drift_W = Vector3::Zero();  // m/s, of the point that momenta are taken about
   StepStart start;
   FloatingMotion floating;
@@ -234,10 +251,7 @@ struct MechanismWorkspace {
   MissingLoad missing;
   ControlJump jump;
 
-  // Scratch of one function at a time.
-  VectorX rhs, solved;       // num_velocities: right side of a linear system, solution
-  VectorX length_row;        // r: rate of a length per unit of the rates
-  RowMatrixX rotation_rows;  // E Q_θ of damped rotations, three rows each
+  Scratch scratch;
 };
 
 /// x <- A⁻¹ x. An A that is no inertia gives no number, which World::Step finds, takes back and reports.

@@ -1,5 +1,5 @@
 // The matrix A = M + b D + b² K of a stage, (2) of implicit_stage.cpp, and its factor.
-#include <fork1s/linalg/row_squares.hpp>
+#include "linalg/row_squares.hpp"
 
 #include "mechanism_detail.hpp"
 
@@ -10,7 +10,7 @@ namespace {
 void AddTurnedJointStiffness(const MechanismStep& here, double b) {
   const auto& [model, state, ws] = here;
   if (model.reduced->loop_rank() == 0) return;
-  for (const WeightedRows& rows : model.joint_springs) {
+  for (const WeightedRows& rows : model.at_reference.joint_springs) {
     AddRowSquares(ws.Q_now(), rows, b * b, ws.matrix.A.bottomRightCorner(model.size(), model.size()));
     AddRowSquares(model.reduced->Q_rows, rows, -b * b,
                   ws.matrix.A.bottomRightCorner(model.size(), model.size()));
@@ -20,7 +20,7 @@ void AddTurnedJointStiffness(const MechanismStep& here, double b) {
 // Springs of paths, those that are not linear and loads turn and stiffen with the pose; all else in A is that
 // of an earlier one.
 bool StiffnessIsOfPose(const MechanismStep& here) {
-  return here.model.has_bent_springs || HasForcesFromOutside(here.state);
+  return here.model.at_reference.has_bent_springs || HasForcesFromOutside(here.state);
 }
 
 // A of (2), with the inertia at hand, but for what StiffnessIsOfPose tells of.
@@ -33,20 +33,21 @@ void ComputeMatrix(const MechanismStep& here, double b) {
   for (std::size_t k = 0; k < ws.switched.slack.size(); ++k)
     ws.matrix.slack_sides[k] = static_cast<signed char>(ws.switched.slack[k].side);
   ws.matrix.A = ws.mass.M;
-  if (ws.is_expanded) {
+  if (ws.expansion.in_use) {
     AddExpandedOperator(here, b);
   } else if (r > 0) {
     auto A_z = ws.matrix.A.bottomRightCorner(r, r);
     A_z += b * model.reduced->D;
     ws.velocities.w = ws.stage.v_k.tail(r);
-    if (DampersTurn(model) || model.has_bent_springs) AddDampersBeyond(here, b, true, ws.velocities.w, A_z);
+    if (DampersTurn(model) || model.at_reference.has_bent_springs)
+      AddDampersBeyond(here, b, true, ws.velocities.w, A_z);
     A_z.diagonal() += b * b * model.reduced->K_r;
     AddTurnedJointStiffness(here, b);
     TurnServos(here, b);
     SubtractSaturatedStiffness(here, b);
   }
   bool has_factor = false;
-  if (ws.matrix.is_inertial && !ws.is_expanded) {
+  if (ws.matrix.is_inertial && !ws.expansion.in_use) {
     ws.matrix.A_before = ws.matrix.A;
     AddInertialStiffness(here, b);
     has_factor = ws.matrix.factor.Compute(ws.matrix.A);

@@ -82,7 +82,7 @@ void ComputeVelocities(const MechanismStep& here, const VectorX& v) {
 // Spatial momenta of the parts at velocity x [num_velocities], in the flat space of the step.
 void ComputeFlatMomenta(const MechanismStep& here, double time, StageBase& out) {
   const auto& [model, state, ws] = here;
-  if (ws.is_expanded) return ComputeExpandedMomenta(here, out);
+  if (ws.expansion.in_use) return ComputeExpandedMomenta(here, out);
   ComputeVelocities(here, ws.x);
   out.momentum.setZero(6, model.rigid_parts.size());
   out.momentum_defect.setZero();
@@ -118,7 +118,7 @@ Vector6 Total(const StageBase& base) { return base.momentum.rowwise().sum() + ba
 void ComputeMomentumResidual(const MechanismStep& here, double time, const StageBase& base, const VectorX& v,
                              double b) {
   const auto& [model, state, ws] = here;
-  if (ws.is_expanded) return ComputeExpandedMomentumChange(here, base, v, b);
+  if (ws.expansion.in_use) return ComputeExpandedMomentumChange(here, base, v, b);
   ExpressMomenta(here, time, base);
   ComputeVelocities(here, v);
   AddMomentum(model.rigid_parts, ws.configuration.kinematics, ws.velocities.parts, Matrix3::Identity(), -1,
@@ -133,9 +133,9 @@ void ComputeMomentumResidual(const MechanismStep& here, double time, const Stage
   if (b > 0) AddSpringDampers(here, b, ws.velocities.q_dot, ws.momentum_change.joint);
   if (model.size() > 0) {
     ReduceForce(*model.reduced, ws.Q_now(), ws.momentum_change.joint, ws.momentum_change.reduced);
-    if (b > 0 && model.closure_damping.size() > 0)
+    if (b > 0 && model.at_reference.closure_damping.size() > 0)
       ws.momentum_change.reduced.noalias() -=
-          b * model.closure_damping.selfadjointView<Eigen::Lower>() * ws.velocities.w;
+          b * model.at_reference.closure_damping.selfadjointView<Eigen::Lower>() * ws.velocities.w;
     ws.momentum_change.all.tail(model.size()) = ws.momentum_change.reduced;
   }
   if (model.base_size > 0)

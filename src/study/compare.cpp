@@ -2,7 +2,6 @@
 #include <cmath>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reference/full_simulation.hpp>
-#include <fork1s/sim/interface_names.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
 #include <numbers>
@@ -11,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "runs.hpp"
+#include "sim/interface_names.hpp"
 
 namespace fork1s {
 namespace {

@@ -2,7 +2,8 @@
 
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/study/deflection.hpp>
+
+#include "study/deflection.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,13 +1,14 @@
-#include <fork1s/study/interface_gain.hpp>
+#include "study/interface_gain.hpp"
 
 #include <algorithm>
 #include <chrono>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <numbers>
 
 #include <fmt/format.h>
+
+#include "base/percentile.hpp"
 
 namespace fork1s {
 namespace {

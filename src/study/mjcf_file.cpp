@@ -1,9 +1,10 @@
-#include <fork1s/study/mjcf_file.hpp>
+#include "study/mjcf_file.hpp"
 
 #include <filesystem>
-#include <fork1s/base/system_error.hpp>
-#include <fork1s/record/output_file.hpp>
 #include <utility>
+
+#include "base/system_error.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,13 +1,13 @@
-#include <fork1s/study/peers.hpp>
+#include "study/peers.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <numbers>
 
 #include <fmt/format.h>
 
+#include "base/percentile.hpp"
 #include "runs.hpp"
 
 namespace fork1s {

@@ -1,7 +1,8 @@
 #include <fmt/format.h>
 
 #include <fork1s/mechanism/kinematics.hpp>
-#include <fork1s/study/posed_mechanism.hpp>
+
+#include "study/posed_mechanism.hpp"
 
 namespace fork1s {
 

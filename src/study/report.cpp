@@ -1,12 +1,12 @@
 // The comparison as one HTML page.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/record/output_file.hpp>
 #include <fork1s/study/compare.hpp>
 
 #include <fmt/format.h>
 
 #include "html_page.hpp"
+#include "record/output_file.hpp"
 #include "svg_plot.hpp"
 
 namespace fork1s {

@@ -1,9 +1,9 @@
 #include "runs.hpp"
+#include "sim/interface_names.hpp"
 
 #include <algorithm>
 #include <chrono>
 #include <fork1s/reference/full_simulation.hpp>
-#include <fork1s/sim/interface_names.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <fmt/format.h>

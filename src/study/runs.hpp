@@ -3,11 +3,12 @@
 
 #include <fork1s/sim/push.hpp>
 #include <fork1s/study/compare.hpp>
-#include <fork1s/world/step_times.hpp>
 #include <functional>
 #include <numeric>
 #include <string>
 #include <vector>
+
+#include "world/step_times.hpp"
 
 namespace fork1s::internal {
 

@@ -1,16 +1,16 @@
-#include <fork1s/study/same_steps.hpp>
+#include "study/same_steps.hpp"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "mujoco_copier.hpp"
 #include "mujoco_handles.hpp"
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,7 +1,7 @@
-#include "stability.hpp"
+#include "study/stability.hpp"
+#include "stable_runs.hpp"
 
 #include <algorithm>
-#include <fork1s/study/stability.hpp>
 
 namespace fork1s {
 namespace internal {

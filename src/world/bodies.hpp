@@ -3,11 +3,12 @@
 
 #include <algorithm>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <fork1s/stepping/mechanism_model.hpp>
 #include <fork1s/world/world.hpp>
 #include <vector>
 
 #include "for_all.hpp"
+#include "stepping/mechanism_model.hpp"
+#include "stepping/mechanism_step.hpp"
 
 namespace fork1s {
 

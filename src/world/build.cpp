@@ -155,7 +155,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.history_.Reserve(room);
   detail.rows_.pushes.reserve(room);
   detail.sums_.Reserve(room);
-  for (Detail::Halving& halving : detail.halvings_) halving.sums.Reserve(room);
+  for (Detail::Halving::Level& halving : detail.halving_.levels) halving.sums.Reserve(room);
   detail.summation_.Reserve(room);
   detail.rows_.contacts.reserve(room);
   detail.approaches_.rebound.reserve(room);
@@ -177,7 +177,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + bounded;
     detail.stops_.emplace_back().Resize(static_cast<std::size_t>(2 * limited),
                                         static_cast<std::size_t>(frictions));
-    detail.has_switches_ = detail.has_switches_ || HasSwitches(m);
+    detail.switches_.any = detail.switches_.any || HasSwitches(m);
     velocities += rows;
     most_rows = std::max(most_rows, rows);
     limits += 2 * limited + frictions + bounded;
@@ -192,7 +192,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.refreshes_.resize(detail.bodies_.mechanisms.size());
   detail.finite_.resize(detail.bodies_.mechanisms.size());
   detail.rows_.free_Y.resize(detail.bodies_.free_bodies.size());
-  detail.free_velocity_.resize(detail.bodies_.free_bodies.size());
+  detail.switches_.free_velocity.resize(detail.bodies_.free_bodies.size());
   // A mechanism and what it may hold, or a small heap.
   constexpr std::size_t kTogether = 16;
   const int together =

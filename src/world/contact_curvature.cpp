@@ -1,4 +1,4 @@
-#include <fork1s/world/contact_curvature.hpp>
+#include "world/contact_curvature.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <fork1s/world/island_solver.hpp>
 #include <fork1s/world/world.hpp>
 #include <memory>
 #include <string>
@@ -19,6 +18,7 @@
 #include "refresh.hpp"
 #include "rows.hpp"
 #include "stage_residual.hpp"
+#include "world/island_solver.hpp"
 
 namespace fork1s {
 
@@ -69,22 +69,27 @@ struct World::Detail {
   ConstraintRows rows_;
   std::vector<StopHistory> stops_;  // per mechanism
   std::vector<RefreshState> refreshes_;
-  std::vector<char> finite_;                       // per mechanism, by IsFinite
-  std::vector<FreeBody::Velocity> free_velocity_;  // of free bodies before contact, where forces have bounds
-  bool has_switches_ = false;
-  WorldState before_;  // of the step at hand
-  ImpulseSums sums_;   // of its stages and parts so far
+  std::vector<char> finite_;  // per mechanism, by IsFinite
+  struct {                    // forces with bounds and springs with slack
+    bool any = false;
+    std::vector<FreeBody::Velocity> free_velocity;  // of free bodies before contact
+  } switches_;
+  ImpulseSums sums_;  // of stages and parts of the step so far
   ContactSummation summation_;
   // A step that contains an event is halved up to this often (docs/decisions/001-time-stepping.md); the
   // shortest parts are one stage of backward Euler each. Where such a stage does not converge it is halved
   // further.
   static constexpr int kMaxEventHalvings = 3, kMaxHalvings = 6;
   struct Halving {
-    WorldState start;  // of the step that is halved
-    ImpulseSums sums;  // until then
+    struct Level {
+      WorldState start;  // of the step that is halved
+      ImpulseSums sums;  // until then
+    };
+    std::array<Level, kMaxHalvings + 1> levels;
+    int depth = 0;      // halvings of the step at hand
+    WorldState before;  // of the step at hand
   };
-  std::array<Halving, kMaxHalvings + 1> halvings_;
-  int depth_ = 0;  // halvings of the step at hand
+  Halving halving_;
   StepPartTimes* times_ = nullptr;
 };
 

@@ -1,7 +1,7 @@
 // Loops side by side that do not allocate.
 #pragma once
 
-#include <fork1s/parallel/parallel_for.hpp>
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s {
 

@@ -1,8 +1,9 @@
-#include <fork1s/world/island_solver.hpp>
+#include "world/island_solver.hpp"
 
 #include <algorithm>
 #include <fork1s/base/error.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
+
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s {
 namespace {

@@ -2,7 +2,8 @@
 #pragma once
 
 #include <chrono>
-#include <fork1s/world/step_times.hpp>
+
+#include "world/step_times.hpp"
 
 namespace fork1s {
 

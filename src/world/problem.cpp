@@ -1,5 +1,5 @@
 // The contact problem of the last step, taken out of a world.
-#include <fork1s/constraints/contact_problem.hpp>
+#include "constraints/contact_problem.hpp"
 
 #include "detail.hpp"
 
@@ -41,9 +41,10 @@ ContactProblem World::LastContactProblem() const {
     std::size_t next = d.rows_.mechanisms[i].first_limit;
     for (const PartRows& part : d.rows_.mechanisms[i].parts) {
       for (const int at : part.limits)
-        out.limits[next++].impulse = d.before_.rows[i].limit_impulses[static_cast<std::size_t>(at)];
+        out.limits[next++].impulse = d.halving_.before.rows[i].limit_impulses[static_cast<std::size_t>(at)];
       for (const int at : part.frictions)
-        out.limits[next++].impulse = d.before_.rows[i].friction_impulses[static_cast<std::size_t>(at)];
+        out.limits[next++].impulse =
+            d.halving_.before.rows[i].friction_impulses[static_cast<std::size_t>(at)];
     }
   }
   return out;

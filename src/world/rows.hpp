@@ -1,10 +1,10 @@
 // The rows of the contact solve: contacts, stops, dry friction and forces with bounds, and what they move.
 #pragma once
 
-#include <fork1s/world/island_solver.hpp>
 #include <vector>
 
 #include "stops.hpp"
+#include "world/island_solver.hpp"
 
 namespace fork1s {
 

@@ -31,20 +31,20 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   StepReport report;
   const double h = options.h;
   BeginStep(h);
-  stage_.is_backward_euler = options.integrator == Integrator::kEuler || depth_ >= kMaxEventHalvings;
+  stage_.is_backward_euler = options.integrator == Integrator::kEuler || halving_.depth >= kMaxEventHalvings;
   const double b = stage_.is_backward_euler ? h : kStageShare * h;
-  if (depth_ == 0) {
+  if (halving_.depth == 0) {
     approaches_.SetSpeeds(options);
     sums_.Clear(bodies_.mechanisms.size());
   }
-  halvings_[static_cast<std::size_t>(depth_)].sums = sums_;
+  halving_.levels[static_cast<std::size_t>(halving_.depth)].sums = sums_;
   RecordStops(bodies_, stage_, h, approaches_.impact_speed, stops_);
   history_.StartStep();
   // Of backward Euler those of the last step, which were found where it ended.
-  if (depth_ == 0 && stage_.is_backward_euler) start_points_ = detection_.points;
+  if (halving_.depth == 0 && stage_.is_backward_euler) start_points_ = detection_.points;
   if (!stage_.is_backward_euler) {
     PrepareContacts(options, report);
-    if (depth_ == 0) start_points_ = detection_.points;
+    if (halving_.depth == 0) start_points_ = detection_.points;
     history_.RecordStartGaps(detection_.points, approaches_.carried_speed);
     report.halving_of = FindClosingAtSpeed(Impacts(), h);
     if (report.halving_of.kind != StepSubject::Kind::kNone)
@@ -72,9 +72,9 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   const double between_stages = stage_.is_backward_euler ? 0 : h - b;
   bodies_.ForMechanisms([&](std::size_t i) { fork1s::EndStep(bodies_.mechanisms[i], between_stages); });
   for (FreeBody& body : bodies_.free_bodies) body.EndStep(between_stages);
-  if (depth_ == 0) return FinishStep(options, before_, report);
+  if (halving_.depth == 0) return FinishStep(options, halving_.before, report);
   bodies_.ForMechanisms([&](std::size_t i) { DropExpansionIfFar(bodies_.mechanisms[i]); });
-  return IsFinite(true) ? report : UndoStep(before_, report);
+  return IsFinite(true) ? report : UndoStep(halving_.before, report);
 }
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
@@ -124,13 +124,13 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   const double share = scheme == StageScheme::kFirstOfTwo ? kStageShare : 1, time = share * options.h;
   stage_.within = true;
   for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
-    SetInputsWithin(bodies_.mechanisms[i], before_.mechanisms[i], share);
+    SetInputsWithin(bodies_.mechanisms[i], halving_.before.mechanisms[i], share);
   if (scheme == StageScheme::kFirstOfTwo)
     bodies_.ForMechanisms([&](std::size_t i) {
-      ReduceControlJumps(bodies_.mechanisms[i], before_.mechanisms[i], stage.h, kOnward);
+      ReduceControlJumps(bodies_.mechanisms[i], halving_.before.mechanisms[i], stage.h, kOnward);
     });
   for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
-    bodies_.free_bodies[i].SetInputsWithin(before_.free_bodies[i], 0, share);
+    bodies_.free_bodies[i].SetInputsWithin(halving_.before.free_bodies[i], 0, share);
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
   detection_.least_margin = 0;
@@ -292,12 +292,12 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   report.stage_iterations = attempt.stage_iterations;
   report.max_stage_iterations = attempt.max_stage_iterations;
   report.halving_of = attempt.halving_of;
-  if (depth_ == kMaxHalvings) {
+  if (halving_.depth == kMaxHalvings) {
     report.stages_converged = false;
-    return UndoStep(before_, report);
+    return UndoStep(halving_.before, report);
   }
-  Halving& whole = halvings_[static_cast<std::size_t>(depth_)];
-  whole.start = before_;
+  Halving::Level& whole = halving_.levels[static_cast<std::size_t>(halving_.depth)];
+  whole.start = halving_.before;
   sums_ = whole.sums;
   Restore(whole.start);
   StepOptions half = options;
@@ -310,15 +310,15 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
       SetInputsOfHalf(bodies_.mechanisms[i], whole.start.mechanisms[i], options.h, k == 1);
     for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
       bodies_.free_bodies[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
-    ++depth_;
+    ++halving_.depth;
     const StepReport part = StepByStages(half);
-    --depth_;
+    --halving_.depth;
     AddReport(part, report);
     if (!part.finite) return UndoStep(whole.start, report);
   }
   report.halving = cause;
   report.halving_of = attempt.halving_of;
-  return depth_ > 0 ? report : FinishStep(options, whole.start, report);
+  return halving_.depth > 0 ? report : FinishStep(options, whole.start, report);
 }
 
 }  // namespace fork1s

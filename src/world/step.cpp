@@ -9,9 +9,9 @@ namespace fork1s {
 // round those that change sides come into the solve. None leaves it, so this ends.
 void World::Detail::SolveContacts(const StepOptions& options, StepReport& report) {
   const PartClock clock(times_, &StepPartTimes::solving);
-  if (has_switches_)
+  if (switches_.any)
     for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
-      free_velocity_[i] = bodies_.free_bodies[i].velocity();
+      switches_.free_velocity[i] = bodies_.free_bodies[i].velocity();
   bool starts = true;
   do {
     if (detection_.points.empty() && rows_.limits.empty()) continue;
@@ -21,7 +21,7 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
     report.solver =
         solver_.Solve(rows_.blocks, rows_.contacts, rows_.limits, rows_.velocities, options.contact);
     ApplyImpulses(detection_, true, bodies_, stops_, rows_);
-  } while (has_switches_ && UpdateSwitches(options));
+  } while (switches_.any && UpdateSwitches(options));
   if (rows_.bounded_forces.empty()) return;
   // The same step again with these forces where they belong: to rounding it is the same velocity, and the
   // rest of the step knows of no such rows.
@@ -44,7 +44,7 @@ bool World::Detail::UpdateSwitches(const StepOptions& options) {
 void World::Detail::PredictAllAgain(double h) {
   for (MechanismDynamics& m : bodies_.mechanisms) SolveFreeStage(m, h);
   for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
-    bodies_.free_bodies[i].ResetVelocity(free_velocity_[i]);
+    bodies_.free_bodies[i].ResetVelocity(switches_.free_velocity[i]);
 }
 
 bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
@@ -105,7 +105,7 @@ StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
 }
 
 void World::Detail::BeginStep(double h) {
-  Save(before_);
+  Save(halving_.before);
   history_.Take(contacts_, contacts_h_, detection_.poses);
   contacts_h_ = h;
   detection_.least_margin = 0;

@@ -1,6 +1,5 @@
 #include "stops.hpp"
-
-#include <fork1s/stepping/mechanism_step.hpp>
+#include "stepping/mechanism_step.hpp"
 
 namespace fork1s {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "../../src/collision/cylinder_box.hpp"
+#include "collision/cylinder_box.hpp"
 #include "scenes.hpp"
 
 namespace fork1s {

@@ -1,5 +1,4 @@
 // The search through many pairs: what it finds is what each pair alone has, on any number of threads.
-#include <fork1s/parallel/parallel_for.hpp>
 #include <random>
 
 #include <oneapi/tbb/global_control.h>
@@ -7,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "parallel/parallel_for.hpp"
 #include "scenes.hpp"
 
 namespace fork1s {

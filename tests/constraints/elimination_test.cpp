@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "../../src/constraints/block_lu.hpp"
+#include "constraints/block_lu.hpp"
 
 namespace fork1s {
 namespace {

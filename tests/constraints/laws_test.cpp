@@ -4,8 +4,8 @@
 #include <cmath>
 #include <random>
 
-#include "../../src/constraints/laws/friction_cone.hpp"
-#include "../../src/constraints/laws/moment_bounds.hpp"
+#include "constraints/laws/friction_cone.hpp"
+#include "constraints/laws/moment_bounds.hpp"
 #include "problems.hpp"
 
 namespace fork1s::internal {

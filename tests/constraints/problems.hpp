@@ -2,10 +2,11 @@
 #pragma once
 
 #include <fork1s/constraints/contact_solver.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/spatial/rigid_transform.hpp>
 #include <random>
 #include <vector>
+
+#include "linalg/spectrum.hpp"
 
 namespace fork1s::testing {
 

@@ -1,11 +1,11 @@
 #include <gtest/gtest.h>
-#include <fork1s/linalg/cholesky.hpp>
 
 #include <algorithm>
 #include <numeric>
 #include <string>
 
 #include "draws.hpp"
+#include "linalg/cholesky.hpp"
 #include "plain_sweeps.hpp"
 #include "random_problems.hpp"
 

@@ -1,7 +1,7 @@
 // What sticking points bear against each other fades; what nothing else could bear stays to the last digit.
 #include <gtest/gtest.h>
 
-#include "../../src/constraints/compliant_rows.hpp"
+#include "constraints/compliant_rows.hpp"
 #include "problems.hpp"
 
 namespace fork1s {
@@ -55,8 +55,8 @@ Faded Fade(const Problem& p) {
   VectorX off = VectorX::Zero(p.velocity.size());
   for (std::size_t i = 0; i < rows.points.size(); ++i) {
     const ContactConstraint& c = p.contacts[static_cast<std::size_t>(rows.place(i))];
-    out.held.push_back(rows.points[i].held);
-    off += p.RowsOf(c).bottomRows<2>().transpose() * (rows.points[i].held - c.held.tail<2>());
+    out.held.push_back(rows.points[i].held.tangents);
+    off += p.RowsOf(c).bottomRows<2>().transpose() * (rows.points[i].held.tangents - c.held.tail<2>());
   }
   out.effect_off = off.norm();
   return out;

@@ -1,9 +1,9 @@
 // The small scenes stand still, hold and stay closed, at their own stiffness and far above it.
 #include <cmath>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
 
+#include "linalg/spectrum.hpp"
 #include "support.hpp"
 
 namespace fork1s::examples {

@@ -1,8 +1,8 @@
 // What a page sends to a live session, one message a line: read, carried out, and the session goes on.
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/server/live_simulation.hpp>
 
 #include "fuzz.hpp"
+#include "server/live_simulation.hpp"
 
 namespace {
 

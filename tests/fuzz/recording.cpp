@@ -8,10 +8,10 @@
 #include <fork1s/record/gltf.hpp>
 #include <fork1s/record/recording.hpp>
 
-#include "../../src/record/columns.hpp"
-#include "../../src/record/model_store.hpp"
 #include "files.hpp"
 #include "fuzz.hpp"
+#include "record/columns.hpp"
+#include "record/model_store.hpp"
 
 namespace {
 

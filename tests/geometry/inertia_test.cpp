@@ -4,12 +4,13 @@
 
 #include <gtest/gtest.h>
 #include <cmath>
-#include <fork1s/geometry/surface.hpp>
 #include <limits>
 #include <memory>
 #include <numbers>
 #include <stdexcept>
 #include <string>
+
+#include "geometry/surface.hpp"
 
 namespace fork1s::testing {
 namespace {

@@ -1,6 +1,6 @@
 // Surfaces against what is known of their shapes: extent, volume, area, and that nothing is open or turned
 // inside out.
-#include <fork1s/geometry/surface.hpp>
+#include "geometry/surface.hpp"
 
 #include <gtest/gtest.h>
 #include <cmath>

@@ -1,9 +1,8 @@
 // Models written as MJCF: MuJoCo and the importer read the file as they read the model.
 #include <fmt/format.h>
 
-#include <fork1s/importer/mjcf.hpp>
-
 #include "helpers.hpp"
+#include "importer/mjcf.hpp"
 #include "urdf_text.hpp"
 
 namespace fork1s::testing_importer {

@@ -1,5 +1,5 @@
 // Interfaces, base, PD control, keyframes as initial states.
-#include <fork1s/importer/model_copy.hpp>
+#include "importer/model_copy.hpp"
 
 #include "helpers.hpp"
 

@@ -3,7 +3,6 @@
 // only goes with another one.
 #include <gtest/gtest.h>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/record/scene_json.hpp>
 
 #include <algorithm>
 #include <map>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "helpers.hpp"
+#include "record/scene_json.hpp"
 
 namespace fork1s::testing_importer {
 namespace {

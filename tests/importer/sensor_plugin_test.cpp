@@ -1,5 +1,5 @@
 // Sensors of plugins that are not there: the rest of the model opens.
-#include <fork1s/importer/mjcf.hpp>
+#include "importer/mjcf.hpp"
 
 #include "helpers.hpp"
 

@@ -1,5 +1,5 @@
 // <gazebo>, <loop_joint> and constraints of Drake in a URDF.
-#include <fork1s/importer/mjcf.hpp>
+#include "importer/mjcf.hpp"
 
 #include "helpers.hpp"
 #include "urdf_text.hpp"

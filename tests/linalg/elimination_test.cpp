@@ -2,11 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/linalg/elimination.hpp>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/products.hpp>
 #include <random>
 
+#include "linalg/elimination.hpp"
+#include "linalg/null_space.hpp"
+#include "linalg/products.hpp"
 #include "random_matrix.hpp"
 
 namespace fork1s {

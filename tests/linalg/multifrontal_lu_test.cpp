@@ -2,11 +2,11 @@
 #include <gtest/gtest.h>
 
 #include <fork1s/linalg/multifrontal_lu.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <random>
 #include <utility>
 #include <vector>
 
+#include "linalg/solve.hpp"
 #include "random_matrix.hpp"
 
 namespace fork1s {

@@ -1,11 +1,11 @@
 // Ranks, null spaces and bases by the one policy.
 #include <gtest/gtest.h>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 
 #include <cmath>
 #include <random>
 
+#include "linalg/null_space.hpp"
+#include "linalg/spectrum.hpp"
 #include "random_matrix.hpp"
 
 namespace fork1s {

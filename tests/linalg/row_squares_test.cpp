@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
-#include <fork1s/linalg/row_squares.hpp>
 
+#include "linalg/row_squares.hpp"
 #include "random_matrix.hpp"
 
 namespace fork1s {

@@ -1,6 +1,7 @@
 // Rows, columns and entries picked by their numbers.
 #include <gtest/gtest.h>
-#include <fork1s/linalg/select.hpp>
+
+#include "linalg/select.hpp"
 
 namespace fork1s {
 namespace {

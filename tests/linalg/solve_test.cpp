@@ -1,15 +1,15 @@
 // Factors and solvers against products, and no allocation where a step uses them.
 #include <gtest/gtest.h>
 #include <allocation_counter.hpp>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/in_place.hpp>
-#include <fork1s/linalg/solve.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 
 #include <cmath>
 #include <random>
 #include <string>
 
+#include "linalg/cholesky.hpp"
+#include "linalg/in_place.hpp"
+#include "linalg/solve.hpp"
+#include "linalg/spectrum.hpp"
 #include "random_matrix.hpp"
 
 namespace fork1s {

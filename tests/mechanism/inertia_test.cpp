@@ -1,8 +1,9 @@
-#include <fork1s/linalg/spectrum.hpp>
 #include "support.hpp"
 
 #include <gtest/gtest.h>
 #include <numbers>
+
+#include "linalg/spectrum.hpp"
 
 namespace fork1s::mechanism_test {
 namespace {

@@ -1,9 +1,10 @@
 // Rigid parts: what is done for four of them at once against what is done for one.
-#include <fork1s/mechanism/rigid_parts.hpp>
 #include "support.hpp"
 
 #include <gtest/gtest.h>
 #include <string>
+
+#include "mechanism/rigid_parts.hpp"
 
 namespace fork1s::mechanism_test {
 namespace {

@@ -1,11 +1,12 @@
-#include <fork1s/linalg/spectrum.hpp>
-#include <fork1s/mechanism/one_unit.hpp>
 #include "support.hpp"
 
 #include <gtest/gtest.h>
 #include <cmath>
 #include <stdexcept>
 #include <tuple>
+
+#include "linalg/spectrum.hpp"
+#include "mechanism/one_unit.hpp"
 
 namespace fork1s::mechanism_test {
 namespace {

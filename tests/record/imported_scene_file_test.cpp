@@ -1,7 +1,7 @@
 // What the reader of a model found, through a file.
-#include <fork1s/record/imported_scene_file.hpp>
-#include <fork1s/record/scene_json.hpp>
 
+#include "record/imported_scene_file.hpp"
+#include "record/scene_json.hpp"
 #include "support.hpp"
 
 namespace fork1s::testing {

@@ -1,5 +1,5 @@
 // Files that appear whole or not at all, and never over what they should not replace.
-#include <fork1s/record/output_file.hpp>
+#include "record/output_file.hpp"
 
 #include <sys/stat.h>
 

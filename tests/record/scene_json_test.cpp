@@ -1,9 +1,8 @@
 #include <cmath>
 #include <limits>
 
+#include "record/scene_json.hpp"
 #include "support.hpp"
-
-#include <fork1s/record/scene_json.hpp>
 
 namespace fork1s::testing {
 namespace {

@@ -1,12 +1,12 @@
 // Exact and curved poses as arrays are those of Configure, on every instruction set of this processor.
 #include <cmath>
 #include <cstring>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/recovery/pose_arrays.hpp>
 #include <random_mechanism.hpp>
 #include <recovery/support.hpp>
 
-#include "../../src/recovery/arrays/instruction_sets.hpp"
+#include "parallel/parallel_for.hpp"
+#include "recovery/arrays/instruction_sets.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,11 +1,12 @@
 // Exact recovery leaves no gaps, twist recovery quadratic ones, and the same bits from any number of threads.
 #include <fork1s/mechanism/kinematics.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <random_mechanism.hpp>
 #include <recovery/support.hpp>
 
 #include <cmath>
 #include <cstring>
+
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s {
 namespace {

@@ -2,13 +2,14 @@
 // dense products give; and that taking a model anew gives the bits of making it.
 #include <gtest/gtest.h>
 
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/select.hpp>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/compliance.hpp>
-#include <fork1s/reduction/reduce_again.hpp>
 #include <memory>
 #include <random_mechanism.hpp>
+
+#include "linalg/products.hpp"
+#include "linalg/select.hpp"
+#include "linalg/spectrum.hpp"
+#include "reduction/reduce_again.hpp"
 
 namespace fork1s {
 namespace {

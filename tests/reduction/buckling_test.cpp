@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/reduction/buckling.hpp>
 
 #include "mechanisms.hpp"
+#include "reduction/buckling.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,9 +1,10 @@
 // Mechanisms whose compliance and frequencies can be written down.
 #include <gtest/gtest.h>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <mechanisms.hpp>
+
+#include "linalg/spectrum.hpp"
 
 namespace fork1s {
 namespace {

@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/reduction/tangent_stiffness.hpp>
 
 #include "mechanisms.hpp"
+#include "reduction/tangent_stiffness.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,8 +1,9 @@
 // A reduced mechanism to second order about a pose, against differences of what it is at poses near by.
 #include <gtest/gtest.h>
-#include <fork1s/reduction/expansion.hpp>
-#include <fork1s/reduction/reduced_jacobian.hpp>
 #include <random_mechanism.hpp>
+
+#include "reduction/expansion.hpp"
+#include "reduction/reduced_jacobian.hpp"
 
 namespace fork1s {
 namespace {

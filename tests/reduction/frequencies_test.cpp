@@ -1,10 +1,11 @@
 // Vibration: modes complete the reduction, bounds hold, free motions drop out.
 #include <gtest/gtest.h>
-#include <fork1s/linalg/spectrum.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <mechanisms.hpp>
 #include <random_mechanism.hpp>
+
+#include "linalg/spectrum.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,10 +1,11 @@
 // Joints whose displacement leaves the span of the reduced coordinates as it is.
 #include <gtest/gtest.h>
-#include <fork1s/linalg/null_space.hpp>
-#include <fork1s/reduction/invariant_joints.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <mechanisms.hpp>
 #include <random_mechanism.hpp>
+
+#include "linalg/null_space.hpp"
+#include "reduction/invariant_joints.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,10 +1,11 @@
 // Load columns of the reduced model: which loads' static answers it has, and that they are right.
 #include <gtest/gtest.h>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/builder.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <mechanisms.hpp>
 #include <random_mechanism.hpp>
+
+#include "linalg/solve.hpp"
 
 namespace fork1s {
 namespace {

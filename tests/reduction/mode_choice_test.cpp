@@ -1,12 +1,13 @@
 // Modes chosen by what the interface would miss without them.
 #include <gtest/gtest.h>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/linalg/products.hpp>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <random_mechanism.hpp>
 
 #include <complex>
+
+#include "linalg/products.hpp"
+#include "linalg/solve.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,12 +1,13 @@
 // What must hold for every mechanism, tried on random ones.
 #include <gtest/gtest.h>
-#include <fork1s/linalg/cholesky.hpp>
-#include <fork1s/linalg/products.hpp>
 #include <fork1s/mechanism/set_stiffness.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/statics.hpp>
 #include <mechanisms.hpp>
 #include <random_mechanism.hpp>
+
+#include "linalg/cholesky.hpp"
+#include "linalg/products.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,9 +1,10 @@
 // The inertia of a moved pose, by composite bodies, against the sum over bodies by their own Jacobians.
 #include <gtest/gtest.h>
-#include <fork1s/reduction/reduced_jacobian.hpp>
 #include <limits>
 #include <random>
 #include <random_mechanism.hpp>
+
+#include "reduction/reduced_jacobian.hpp"
 
 namespace fork1s {
 namespace {

@@ -2,10 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/reduction/tangent_stiffness.hpp>
 #include <numbers>
 
 #include "mechanisms.hpp"
+#include "reduction/tangent_stiffness.hpp"
 
 namespace fork1s {
 namespace {

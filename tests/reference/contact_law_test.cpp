@@ -6,12 +6,12 @@
 #include <fork1s/constraints/material.hpp>
 #include <random>
 
-#include "../../src/constraints/laws/friction_cone.hpp"
-#include "../../src/reference/bound_laws.hpp"
-#include "../../src/reference/contact_compliance.hpp"
-#include "../../src/reference/contact_problem.hpp"
-#include "../../src/reference/friction_law.hpp"
-#include "../../src/reference/restitution.hpp"
+#include "constraints/laws/friction_cone.hpp"
+#include "reference/bound_laws.hpp"
+#include "reference/contact_compliance.hpp"
+#include "reference/contact_problem.hpp"
+#include "reference/friction_law.hpp"
+#include "reference/restitution.hpp"
 
 namespace fork1s::reference {
 namespace {

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <constraints/draws.hpp>
 #include <constraints/random_problems.hpp>
-#include <fork1s/linalg/cholesky.hpp>
 
-#include "../../src/reference/contact_problem.hpp"
-#include "../../src/reference/dense_contact_solver.hpp"
+#include "linalg/cholesky.hpp"
+#include "reference/contact_problem.hpp"
+#include "reference/dense_contact_solver.hpp"
 
 namespace fork1s::reference {
 namespace {

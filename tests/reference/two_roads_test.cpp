@@ -1,10 +1,10 @@
 // The same numbers by the joint coordinates of the mechanism room, which knows no bodies' coordinates.
 #include <cmath>
-#include <fork1s/linalg/solve.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <random_mechanism.hpp>
 
+#include "linalg/solve.hpp"
 #include "support.hpp"
 
 namespace fork1s::reference_test {

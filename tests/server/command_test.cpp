@@ -1,6 +1,7 @@
 // What a page may send, and what it may not.
 #include <gtest/gtest.h>
-#include <fork1s/server/command.hpp>
+
+#include "server/command.hpp"
 
 namespace fork1s {
 namespace {

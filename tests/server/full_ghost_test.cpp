@@ -1,11 +1,11 @@
 // The full simulation beside the live one takes the same start and the same inputs.
 #include <chrono>
 #include <cstring>
-#include <fork1s/sim/interface_names.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "sim/interface_names.hpp"
 #include "support.hpp"
 
 namespace fork1s::test {

@@ -3,12 +3,12 @@
 #include <sys/stat.h>
 
 #include <chrono>
-#include <fork1s/server/launch_file.hpp>
-#include <fork1s/server/live_server.hpp>
 #include <fstream>
 #include <thread>
 
 #include "failed_accepts.hpp"
+#include "server/launch_file.hpp"
+#include "server/live_server.hpp"
 #include "socket_client.hpp"
 #include "support.hpp"
 

@@ -1,9 +1,10 @@
 // The spring between a viewer's pointer and a body, at the suggested stiffness and above it.
 #include <gtest/gtest.h>
 
-#include <fork1s/server/pull_spring.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <mechanisms.hpp>
+
+#include "server/pull_spring.hpp"
 
 namespace fork1s {
 namespace {

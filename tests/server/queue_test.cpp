@@ -1,9 +1,8 @@
 // Who sends many requests gets his share, and no more.
 #include <gtest/gtest.h>
 
-#include <fork1s/server/request_ration.hpp>
-
-#include "../../src/server/command_queue.hpp"
+#include "server/command_queue.hpp"
+#include "server/request_ration.hpp"
 
 namespace fork1s::test {
 namespace {

@@ -5,10 +5,10 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <fork1s/server/live_server.hpp>
 #include <thread>
 #include <vector>
 
+#include "server/live_server.hpp"
 #include "socket_client.hpp"
 #include "support.hpp"
 

@@ -2,8 +2,9 @@
 
 #include <gtest/gtest.h>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/server/live_simulation.hpp>
 #include <string>
+
+#include "server/live_simulation.hpp"
 
 namespace fork1s::test {
 

@@ -1,9 +1,9 @@
 // Numbers tuned while it runs, and the past that it goes back to.
-#include <fork1s/importer/model_copy.hpp>
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <nlohmann/json.hpp>
 
+#include "importer/model_copy.hpp"
 #include "support.hpp"
 
 namespace fork1s::test {

@@ -2,8 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <fork1s/mechanism/builder.hpp>
-#include <fork1s/sim/passing.hpp>
 #include <fork1s/sim/simulation.hpp>
+
+#include "sim/passing.hpp"
 
 namespace fork1s {
 namespace {

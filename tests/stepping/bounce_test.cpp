@@ -1,8 +1,7 @@
 // What has restitution parts again with its share of the speed.
 #include <gtest/gtest.h>
 
-#include <fork1s/mechanism/restitution.hpp>
-
+#include "mechanism/restitution.hpp"
 #include "support.hpp"
 
 namespace fork1s {

@@ -1,5 +1,5 @@
 // Which contact of the last step a contact is.
-#include "../../src/world/contact_matching.hpp"
+#include "world/contact_matching.hpp"
 
 #include <gtest/gtest.h>
 

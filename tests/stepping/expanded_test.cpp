@@ -1,12 +1,13 @@
 // Steps by a second-order model about a pose, against steps by exact poses.
 #include <allocation_counter.hpp>
-#include <fork1s/stepping/mechanism_model.hpp>
-#include <fork1s/stepping/point_response.hpp>
 #include <random_mechanism.hpp>
 #include <stepping/support.hpp>
 
 #include <algorithm>
 #include <functional>
+
+#include "stepping/mechanism_model.hpp"
+#include "stepping/point_response.hpp"
 
 namespace fork1s {
 namespace {

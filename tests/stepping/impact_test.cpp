@@ -1,5 +1,5 @@
 // What counts as an impact: each threshold at its edge.
-#include "../../src/world/impact.hpp"
+#include "world/impact.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <constraints/problems.hpp>
-#include <fork1s/world/island_solver.hpp>
+
+#include "world/island_solver.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,7 +1,8 @@
 // Load columns in motion: what the interface does not feel moves by the equation of motion, with its inertia.
-#include <fork1s/linalg/cholesky.hpp>
 #include <random_mechanism.hpp>
 #include <stepping/support.hpp>
+
+#include "linalg/cholesky.hpp"
 
 namespace fork1s {
 namespace {

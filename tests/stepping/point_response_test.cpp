@@ -1,4 +1,4 @@
-#include <fork1s/stepping/point_response.hpp>
+#include "stepping/point_response.hpp"
 
 #include <stepping/support.hpp>
 

@@ -1,6 +1,7 @@
 // The contact problem of a step, taken out and solved apart, is the step's own.
-#include <fork1s/constraints/contact_problem.hpp>
 #include <stepping/support.hpp>
+
+#include "constraints/contact_problem.hpp"
 
 namespace fork1s {
 namespace {

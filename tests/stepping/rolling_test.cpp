@@ -3,10 +3,10 @@
 
 #include <cmath>
 #include <fork1s/collision/collision_world.hpp>
-#include <fork1s/world/contact_curvature.hpp>
 #include <random>
 
 #include "support.hpp"
+#include "world/contact_curvature.hpp"
 
 namespace fork1s {
 namespace {

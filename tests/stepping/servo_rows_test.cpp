@@ -1,9 +1,9 @@
 // Many servos with tight bounds at once, among contacts: which of them give all they can is found in every step.
 #include <cmath>
-#include <fork1s/constraints/contact_problem.hpp>
 #include <random>
 #include <string>
 
+#include "constraints/contact_problem.hpp"
 #include "support.hpp"
 
 namespace fork1s {

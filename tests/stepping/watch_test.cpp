@@ -1,6 +1,7 @@
 // Clocks between the parts of a step: that they are there and change nothing, not how long anything takes.
-#include <fork1s/world/step_times.hpp>
 #include <stepping/support.hpp>
+
+#include "world/step_times.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,5 +1,5 @@
 // Simulators outside: which scenes they get, and what becomes of one that fails.
-#include <fork1s/study/bench.hpp>
+#include "study/bench.hpp"
 
 #include <gtest/gtest.h>
 

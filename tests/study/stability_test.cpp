@@ -1,9 +1,9 @@
 // Which runs count as stable, and which steps are.
-#include "../../src/study/stability.hpp"
+#include "study/stability.hpp"
+#include "study/stable_runs.hpp"
 
 #include <gtest/gtest.h>
 
-#include <fork1s/study/stability.hpp>
 #include <limits>
 
 namespace fork1s::internal {

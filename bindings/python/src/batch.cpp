@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/sim/control_move.hpp>
 #include <optional>
 
 #include "errors.hpp"
+#include "parallel/parallel_for.hpp"
 
 namespace fork1s::python {
 namespace {

@@ -8,7 +8,6 @@
 
 #include <cmath>
 #include <fork1s/study/compare.hpp>
-#include <fork1s/study/mjcf_file.hpp>
 #include <limits>
 
 #include "arguments.hpp"
@@ -17,6 +16,7 @@
 #include "errors.hpp"
 #include "model.hpp"
 #include "released_gil.hpp"
+#include "study/mjcf_file.hpp"
 #include "words.hpp"
 
 namespace fork1s::python {

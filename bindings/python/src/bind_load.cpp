@@ -7,13 +7,12 @@
 #include <nanobind/stl/vector.h>
 #include "text.hpp"
 
-#include <fork1s/importer/mujoco_import.hpp>
-#include <fork1s/mechanism/names.hpp>
-
 #include "arguments.hpp"
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
+#include "importer/mujoco_import.hpp"
+#include "mechanism/names.hpp"
 #include "model.hpp"
 #include "released_gil.hpp"
 

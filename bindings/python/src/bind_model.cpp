@@ -7,13 +7,13 @@
 #include <nanobind/stl/vector.h>
 #include "text.hpp"
 
-#include <fork1s/mechanism/names.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 
 #include "arguments.hpp"
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
+#include "mechanism/names.hpp"
 #include "mechanism_view.hpp"
 #include "words.hpp"
 

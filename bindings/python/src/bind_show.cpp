@@ -6,9 +6,6 @@
 #include <atomic>
 #include <filesystem>
 #include <fork1s/record/recording.hpp>
-#include <fork1s/server/launch_file.hpp>
-#include <fork1s/server/live_loop.hpp>
-#include <fork1s/server/wire.hpp>
 #include <memory>
 #include <thread>
 
@@ -17,6 +14,9 @@
 #include "errors.hpp"
 #include "page.hpp"
 #include "runner.hpp"
+#include "server/launch_file.hpp"
+#include "server/live_loop.hpp"
+#include "server/wire.hpp"
 
 namespace fork1s::python {
 namespace {

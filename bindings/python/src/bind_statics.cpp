@@ -5,13 +5,12 @@
 #include <nanobind/stl/vector.h>
 #include "text.hpp"
 
-#include <fork1s/study/deflection.hpp>
-
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
 #include "model.hpp"
 #include "released_gil.hpp"
+#include "study/deflection.hpp"
 
 namespace fork1s::python {
 namespace {

@@ -3,13 +3,14 @@
 
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
-#include <fork1s/study/posed_mechanism.hpp>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "study/posed_mechanism.hpp"
 
 namespace fork1s::python {
 

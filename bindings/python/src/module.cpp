@@ -1,5 +1,5 @@
 // The compiled half of the package fork1s; bindings/python/fork1s is the other.
-#include <fork1s/importer/mujoco_import.hpp>
+#include "importer/mujoco_import.hpp"
 
 #include "bind.hpp"
 #include "errors.hpp"

@@ -4,10 +4,11 @@
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/stepping/applied_forces.hpp>
 #include <fork1s/stepping/point_spring.hpp>
-#include <fork1s/stepping/stage_motion.hpp>
 #include <string>
 
 namespace fork1s {
+
+struct StageMotion;  // src/stepping/stage_motion.hpp
 
 /// Coordinates are the angular rate in the body's own axes and the velocity of the centre of mass in the
 /// world.
@@ -17,17 +18,17 @@ class FreeBody {
 
   const std::string& name() const { return name_; }
   const SpatialInertia& inertia() const { return inertia_; }
-  const RigidTransform& pose() const { return X_WB_; }
-  Vector3 omega_W() const { return X_WB_.rotation() * omega_B_; }
-  const Vector3& omega_B() const { return omega_B_; }
-  const Vector3& velocity_of_center() const { return velocity_; }
+  const RigidTransform& pose() const { return state_.X_WB; }
+  Vector3 omega_W() const { return state_.X_WB.rotation() * state_.omega_B; }
+  const Vector3& omega_B() const { return state_.omega_B; }
+  const Vector3& velocity_of_center() const { return state_.velocity; }
   /// Twist in world axes about the body's own origin.
   Vector6 OriginVelocity() const;
-  Vector3 center_W() const { return X_WB_ * inertia_.center; }
+  Vector3 center_W() const { return state_.X_WB * inertia_.center; }
   /// Share of the weight that nothing compensates.
   double weight_share() const { return weight_share_; }
   /// Forces gathered for the next step, about the centre of mass.
-  const AppliedForces& load() const { return load_; }
+  const AppliedForces& load() const { return state_.load; }
 
   void SetState(const RigidTransform& X_WB, const Vector3& omega_W, const Vector3& velocity_of_origin_W);
   /// Constant in world axes during the next step only. The force acts at the point of the body that is at
@@ -35,11 +36,11 @@ class FreeBody {
   void AddWrench(const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
 
   /// Holds until changed.
-  void SetPointSpring(const PointSpring& spring) { point_spring_ = spring; }
-  void ClearPointSpring() { point_spring_ = {}; }
-  const PointSpring& point_spring() const { return point_spring_; }
+  void SetPointSpring(const PointSpring& spring) { state_.point_spring = spring; }
+  void ClearPointSpring() { state_.point_spring = {}; }
+  const PointSpring& point_spring() const { return state_.point_spring; }
   /// After a step its target rests.
-  void StopPointSpring() { point_spring_.target_start_W = point_spring_.target_W; }
+  void StopPointSpring() { state_.point_spring.target_start_W = state_.point_spring.target_W; }
 
   /// [R ω_B; v_centre]: the six-vector on which contacts work, about the centre of mass in world axes.
   Vector6 PortTwist() const;
@@ -53,11 +54,11 @@ class FreeBody {
   struct Velocity {
     Vector3 omega_B = Vector3::Zero(), center = Vector3::Zero();
   };
-  Velocity velocity() const { return {omega_B_, velocity_}; }
+  Velocity velocity() const { return {state_.omega_B, state_.velocity}; }
   void ResetVelocity(const Velocity& free) {
-    omega_B_ = free.omega_B;
-    velocity_ = free.center;
-    pushed_ = false;
+    state_.omega_B = free.omega_B;
+    state_.velocity = free.center;
+    step_.pushed = false;
   }
   /// A step, as the functions of mechanism_step.hpp: base points are the pose, the spin in world axes and
   /// the velocity of the centre.
@@ -81,53 +82,51 @@ class FreeBody {
     PointSpring point_spring;
     Vector3 angular_acceleration_B = Vector3::Zero(), acceleration = Vector3::Zero();  // as MechanismState's
   };
-  State Save() const {
-    return {X_WB_, omega_B_, velocity_, load_, point_spring_, angular_acceleration_B_, acceleration_};
-  }
+  State Save() const { return state_; }
   void Restore(const State& state);
   /// Loads and point spring are those between two shares of a step that begins at `start`.
   void SetInputsWithin(const State& start, double share_start, double share_end) {
-    load_ = start.load;
-    point_spring_ = start.point_spring.Within(share_start, share_end);
+    state_.load = start.load;
+    state_.point_spring = start.point_spring.Within(share_start, share_end);
   }
 
   double KineticEnergy() const;
   double PotentialEnergy(const Vector3& gravity_W) const {
     return -weight_share_ * inertia_.mass * gravity_W.dot(center_W());
   }
-  bool IsFinite() const { return X_WB_.IsFinite() && omega_B_.allFinite() && velocity_.allFinite(); }
+  bool IsFinite() const {
+    return state_.X_WB.IsFinite() && state_.omega_B.allFinite() && state_.velocity.allFinite();
+  }
 
  private:
-  std::string name_;
-  SpatialInertia inertia_;
-  double weight_share_ = 1;  // of the weight that nothing compensates
-  Matrix3 rotational_root_;  // C: C Cᵀ = I_B⁻¹
-  RigidTransform X_WB_;
-  Vector3 omega_B_ = Vector3::Zero();
-  Vector3 omega_B_before_ = Vector3::Zero();
-  Vector3 velocity_ = Vector3::Zero();
-  Vector3 velocity_before_ = Vector3::Zero();
-  bool pushed_ = false;  // contact acted in this step
-  RigidTransform X_WB_before_;
-  AppliedForces load_;  // about the centre of mass
   struct StageBase {
     Matrix3 R_WB = Matrix3::Identity();
     Vector3 center_W = Vector3::Zero(), spin_W = Vector3::Zero(), velocity = Vector3::Zero();
   };
-  StageBase step_start_, stage_base_;
-  Vector3 gravity_W_ = Vector3::Zero(), spin_end_W_ = Vector3::Zero();
-  Vector3 omega_B_first_ = Vector3::Zero(), velocity_first_ = Vector3::Zero();  // of the first stage
-  Vector3 angular_acceleration_B_ = Vector3::Zero(), acceleration_ = Vector3::Zero();
-  RigidTransform X_stage_start_;
-  Velocity stage_start_;
-  Vector3 center_stage_start_ = Vector3::Zero();
-  Vector3 load_moment_W_ = Vector3::Zero();  // at the pose that the stage is linearised at
-  PointSpring point_spring_;
-  bool is_stiff_ = false;  // the stage at hand has the stiffness of loads or of the spring
-  // Of such a stage, A V = rhs in PortTwist()'s coordinates: the operator, Y with YᵀY = A⁻¹, the right side.
-  Matrix6 stage_A_ = Matrix6::Zero(), stage_root_ = Matrix6::Zero();
-  Vector6 stage_rhs_ = Vector6::Zero();
-  Vector3 velocity_end_ = Vector3::Zero();  // that the momentum of the stage gives
+  /// Where the step at hand starts, and what acts in it.
+  struct Step {
+    RigidTransform X_WB;
+    Vector3 omega_B = Vector3::Zero(), velocity = Vector3::Zero();
+    StageBase base;
+    Vector3 gravity_W = Vector3::Zero();
+    bool pushed = false;  // contact acted
+  };
+  struct StageStart {
+    RigidTransform X_WB;
+    Velocity velocity;
+    Vector3 center_W = Vector3::Zero();
+  };
+  struct Stage {
+    StageBase base;
+    Vector3 spin_end_W = Vector3::Zero();
+    Vector3 omega_B_first = Vector3::Zero(), velocity_first = Vector3::Zero();  // of the first stage
+    Vector3 velocity_end = Vector3::Zero();   // that the momentum of the stage gives
+    Vector3 load_moment_W = Vector3::Zero();  // at the pose that it is linearised at
+    bool is_stiff = false;                    // it has the stiffness of loads or of the spring
+    // Of such a stage, A V = rhs in PortTwist()'s coordinates: the operator, Y with YᵀY = A⁻¹, the right side.
+    Matrix6 A = Matrix6::Zero(), root = Matrix6::Zero();
+    Vector6 rhs = Vector6::Zero();
+  };
   Vector6 StageForce() const;
   Vector6 StageMomentum(double b) const;
   Eigen::Matrix<double, 3, 6> SpringJacobian() const;
@@ -135,6 +134,15 @@ class FreeBody {
   double MoveAndComputeStiffResidual(double b, StageMotion& moved);
   Matrix3 InverseInertia_B() const { return rotational_root_ * rotational_root_.transpose(); }
   Vector3 FreeTurning(double b, Vector3 guess) const;
+
+  std::string name_;
+  SpatialInertia inertia_;
+  double weight_share_ = 1;  // of the weight that nothing compensates
+  Matrix3 rotational_root_;  // C: C Cᵀ = I_B⁻¹
+  State state_;
+  Step step_;
+  StageStart stage_start_;
+  Stage stage_;
 };
 
 }  // namespace fork1s

@@ -1,15 +1,20 @@
-// A mechanism in motion as others hold it: a model, a state and a workspace of its own. What a step does with
-// the three is in mechanism_step.hpp.
+// A mechanism in motion as others hold it: a model, a state and a workspace of its own.
 #pragma once
 
+#include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/stepping/linearization_drift.hpp>
 #include <fork1s/stepping/mechanism_options.hpp>
 #include <fork1s/stepping/mechanism_state.hpp>
-#include <fork1s/stepping/mechanism_step.hpp>
 #include <memory>
 #include <string>
 #include <vector>
 
 namespace fork1s {
+
+struct MechanismModel;  // insides of src/stepping
+struct MechanismStep;
+struct MechanismView;
+struct MechanismWorkspace;
 
 class MechanismDynamics {
  public:
@@ -26,15 +31,15 @@ class MechanismDynamics {
   MechanismDynamics& operator=(MechanismDynamics&&) noexcept;
 
   /// So that functions of a step take it.
-  operator MechanismStep() { return {*model_, state_, *work_}; }
-  operator MechanismView() const { return {*model_, state_, *work_}; }
+  operator MechanismStep();
+  operator MechanismView() const;
   /// All that stands between refreshes.
   const MechanismModel& step_model() const { return *model_; }
 
   const Mechanism& mechanism() const { return *model().mechanism; }
   const ReducedModel& model() const { return *state_.model; }
   const ReducedState& state() const { return state_.reduced; }
-  const Configuration& configuration() const { return ConfigurationOf(*this); }
+  const Configuration& configuration() const;
   const std::vector<ContactGroup>& groups() const;
   Recovery recovery() const;
   /// Whether the pose at hand is told by an expansion.
@@ -60,13 +65,9 @@ class MechanismDynamics {
   void MoveControls() { state_.controls_move = true; }
   /// Force [N] and moment [N·m] on a body, constant in world axes during the next step only. The force acts
   /// at the point of the body that is at `point_W` now.
-  void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W) {
-    fork1s::AddWrench(*this, body, force_W, moment_W, point_W);
-  }
+  void AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
   /// Holds until changed; a mechanism has one.
-  void SetPointSpring(BodyIndex body, const PointSpring& spring) {
-    fork1s::SetPointSpring(*this, body, spring);
-  }
+  void SetPointSpring(BodyIndex body, const PointSpring& spring);
   void ClearPointSpring() { state_.point_spring = {}; }
   const PointSpring& point_spring() const { return state_.point_spring; }
   /// After a step its target rests.
@@ -90,29 +91,42 @@ class MechanismDynamics {
     state_.knows_driven_rate = true;
   }
 
-  /// As the functions of mechanism_step.hpp.
-  LinearizationDrift ComputeLinearizationDrift() const { return fork1s::ComputeLinearizationDrift(*this); }
-  bool Refresh() { return fork1s::Refresh(model_, state_, *work_); }
+  /// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
+  /// of a loop that is closed by its curvature, as a share of the refresh gap. A joint
+  /// that leaves the reduction as it is does not count, nor one whose every motion the model has.
+  LinearizationDrift ComputeLinearizationDrift() const;
+  /// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
+  /// the old model stays.
+  bool Refresh();
   /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between
   /// steps.
   void Save(MechanismState& out) const { out = state_; }
   /// Puts back what Save gave, here or of another that was created the same way.
-  void Restore(const MechanismState& saved) { fork1s::Restore(model_, state_, *work_, saved); }
+  void Restore(const MechanismState& saved);
 
-  int NumForcesAtBound() const { return fork1s::NumForcesAtBound(state_); }
-  double Length(const Mechanism::Length& length) const { return fork1s::Length(*this, length); }
-  void AddLengthForce(const Mechanism::Length& length, double force, VectorX& tau) const {
-    fork1s::AddLengthForce(*this, length, force, tau);
-  }
-  double KineticEnergy() const { return fork1s::KineticEnergy(*this); }
-  double PotentialEnergy(const Vector3& gravity_W) const { return fork1s::PotentialEnergy(*this, gravity_W); }
-  double ClosureGapNow() const { return fork1s::ClosureGapNow(*this); }
-  VectorX ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const {
-    return fork1s::ClosureForces(*this, h, contacts_R, near);
-  }
-  RigidTransform BodyPose(BodyIndex b) const { return fork1s::BodyPose(*this, b); }
-  void BodyPoses(std::vector<RigidTransform>& X_RB) const { fork1s::BodyPoses(*this, X_RB); }
-  Vector6 BodyVelocity(BodyIndex b) const { return fork1s::BodyVelocity(*this, b); }
+  /// Servos and motors that give all they can.
+  int NumForcesAtBound() const;
+  /// Counted from q = 0.
+  double Length(const Mechanism::Length& length) const;
+  /// tau [n] += what a force along a length is on the joints.
+  void AddLengthForce(const Mechanism::Length& length, double force, VectorX& tau) const;
+  double KineticEnergy() const;
+  /// Springs, controls and gravity at the present pose [J].
+  double PotentialEnergy(const Vector3& gravity_W) const;
+  double ClosureGapNow() const;
+  /// Forces of the rigid closures and couplings [num_constraints], in the order and axes of ClosureResidual:
+  /// what the joined parts bear so that the residual stays 0, positive where springs and loads would open it.
+  /// From the balance of joint forces after a step of h [s], by the metric of the loop correction where the
+  /// interior is not in balance. What rows bear against each other where the joints can hardly yield stays
+  /// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R.
+  /// Allocates.
+  VectorX ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const;
+  /// Pose of a body in the world at the present state.
+  RigidTransform BodyPose(BodyIndex b) const;
+  /// Of all bodies in the frame of its root, side by side where they are many.
+  void BodyPoses(std::vector<RigidTransform>& X_RB) const;
+  /// Twist of a body in world axes about its own origin.
+  Vector6 BodyVelocity(BodyIndex b) const;
 
  private:
   MechanismDynamics(std::shared_ptr<const MechanismModel> model, MechanismState state,

@@ -1,7 +1,6 @@
 // Products of exponentials along the tree, loops by their curvature or exactly: docs/method.md, section 2.
 #include <algorithm>
 #include <atomic>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <memory>
 
 #include "aligned_vector.hpp"
@@ -9,6 +8,7 @@
 #include "loop_tables.hpp"
 #include "one_by_one.hpp"
 #include "one_tables.hpp"
+#include "parallel/parallel_for.hpp"
 #include "pose_road.hpp"
 #include "scan_tables.hpp"
 

@@ -1,8 +1,8 @@
 // One twist a body: docs/method.md, section 2.
 #include <algorithm>
-#include <fork1s/parallel/parallel_for.hpp>
 
 #include "aligned_vector.hpp"
+#include "parallel/parallel_for.hpp"
 #include "pose_road.hpp"
 
 namespace fork1s::internal {

@@ -1,9 +1,9 @@
 // Energy.
 #include <cmath>
-#include <fork1s/base/dot_by_fours.hpp>
-#include <fork1s/linalg/cholesky.hpp>
 
+#include "base/dot_by_fours.hpp"
 #include "forces.hpp"
+#include "linalg/cholesky.hpp"
 
 namespace fork1s {
 

@@ -39,7 +39,7 @@ void SizeForceLimits(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   const auto count = model.mechanism().force_limits().size();
   ws.switched.servo_force.resize(static_cast<Eigen::Index>(count));
-  ws.length_row.resize(model.size());
+  ws.scratch.length_row.resize(model.size());
 }
 
 void OpenForceLimits(const MechanismStep& here) {
@@ -106,8 +106,8 @@ void AddSwitchedForces(const MechanismStep& here) {
     const double bound = state.at_bound[k] == MechanismState::kInSolve ? 0
                          : state.at_bound[k] > 0                       ? limits[k].upper
                                                                        : limits[k].lower;
-    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.length_row);
-    ws.forces.f_z += (bound - ws.switched.servo_force(static_cast<Eigen::Index>(k))) * ws.length_row;
+    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
+    ws.forces.f_z += (bound - ws.switched.servo_force(static_cast<Eigen::Index>(k))) * ws.scratch.length_row;
   }
 }
 
@@ -117,8 +117,9 @@ void AddBackSaturatedDampers(const MechanismStep& here, double b, VectorX& rhs) 
   auto rhs_z = rhs.tail(model.size());
   for (std::size_t k = 0; k < limits.size(); ++k) {
     if (state.at_bound[k] == 0 || limits[k].damping == 0) continue;
-    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.length_row);
-    rhs_z += b * limits[k].damping * ws.length_row.dot(ws.stage.v_k.tail(model.size())) * ws.length_row;
+    ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
+    rhs_z += b * limits[k].damping * ws.scratch.length_row.dot(ws.stage.v_k.tail(model.size())) *
+             ws.scratch.length_row;
   }
 }
 
@@ -227,9 +228,9 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
   SaturationChange out;
   double largest = 0;
   const auto add = [&](const Mechanism::Length& length, double change, bool is_servo, std::size_t index) {
-    if (out.index < 0) ws.rhs.setZero(model.num_velocities());
-    ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
-    ws.rhs.tail(model.size()) += onward * b * change * ws.length_row;
+    if (out.index < 0) ws.scratch.rhs.setZero(model.num_velocities());
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
+    ws.scratch.rhs.tail(model.size()) += onward * b * change * ws.scratch.length_row;
     if (out.index >= 0 && std::abs(change) <= largest) return;
     largest = std::abs(change);
     out.is_servo = is_servo;
@@ -247,11 +248,11 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
           false, ws.switched.slack[k].spring);
   if (out.index < 0) return out;
   const double mass = std::max(model.mechanism().total_mass(), 1e-300);
-  ws.solved = ws.rhs;
-  ws.matrix.factor.SolveInPlace(ws.solved);
-  out.displacement = b * RootOf(ws.solved.dot(ws.rhs) / mass);
-  ws.solved.noalias() = ws.mass.M * ws.x;
-  out.motion = b * RootOf(ws.x.dot(ws.solved) / mass);
+  ws.scratch.solved = ws.scratch.rhs;
+  ws.matrix.factor.SolveInPlace(ws.scratch.solved);
+  out.displacement = b * RootOf(ws.scratch.solved.dot(ws.scratch.rhs) / mass);
+  ws.scratch.solved.noalias() = ws.mass.M * ws.x;
+  out.motion = b * RootOf(ws.x.dot(ws.scratch.solved) / mass);
   return out;
 }
 

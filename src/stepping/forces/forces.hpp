@@ -2,10 +2,9 @@
 // hand.
 #pragma once
 
-#include <fork1s/stepping/mechanism_model.hpp>
-#include <fork1s/stepping/mechanism_step.hpp>
-
 #include "../mechanism_workspace.hpp"
+#include "stepping/mechanism_model.hpp"
+#include "stepping/mechanism_step.hpp"
 
 namespace fork1s {
 

@@ -7,13 +7,14 @@ void ComputeSpringsAtReference(MechanismModel& model) {
   const Mechanism& m = model.mechanism();
   Kinematics kinematics(m);
   ComputeKinematics(m, model.reduced->q_ref, kinematics);
-  model.paths_ref = kinematics.paths;
-  model.spring_stiffness_ref.clear();
-  model.has_bent_springs = false;
+  model.at_reference.paths = kinematics.paths;
+  model.at_reference.spring_stiffness.clear();
+  model.at_reference.has_bent_springs = false;
   for (const Mechanism::Spring& s : m.springs()) {
-    model.spring_stiffness_ref.push_back(
+    model.at_reference.spring_stiffness.push_back(
         s.StiffnessAt(LengthOf(m, s.length, kinematics, model.reduced->q_ref)));
-    model.has_bent_springs = model.has_bent_springs || s.length.path >= 0 || !s.is_linear();
+    model.at_reference.has_bent_springs =
+        model.at_reference.has_bent_springs || s.length.path >= 0 || !s.is_linear();
   }
 }
 

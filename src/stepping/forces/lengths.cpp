@@ -1,8 +1,8 @@
 // Lengths that springs, dampers, stops and motors act on, at the pose at hand.
 #include <cmath>
-#include <fork1s/linalg/rank.hpp>
 
 #include "forces.hpp"
+#include "linalg/rank.hpp"
 
 namespace fork1s {
 
@@ -24,12 +24,12 @@ void LengthRow(const MechanismView& here, const Mechanism::Length& length, const
 
 double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length) {
   const auto& [model, state, ws] = here;
-  ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
-  ws.rhs.setZero(model.num_velocities());
-  ws.rhs.tail(model.size()) = ws.length_row;
-  ws.solved = ws.rhs;
-  SolveOrFail(ws.mass.factor, ws.mass.M, ws.solved);
-  return ws.solved.dot(ws.rhs);
+  ReducedRow(length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
+  ws.scratch.rhs.setZero(model.num_velocities());
+  ws.scratch.rhs.tail(model.size()) = ws.scratch.length_row;
+  ws.scratch.solved = ws.scratch.rhs;
+  SolveOrFail(ws.mass.factor, ws.mass.M, ws.scratch.solved);
+  return ws.scratch.solved.dot(ws.scratch.rhs);
 }
 
 double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x) {

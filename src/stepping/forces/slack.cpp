@@ -63,8 +63,9 @@ void AddSlackForces(const MechanismStep& here) {
   for (const SlackSpring& slack : ws.switched.slack) {
     const double change = ForceOnSide(model, slack, SideOutsideSolve(slack)).force - slack.force;
     if (change == 0) continue;
-    ReducedRow(model.mechanism().springs()[slack.spring].length, ws.paths(), ws.Q_now(), ws.length_row);
-    ws.forces.f_z += change * ws.length_row;
+    ReducedRow(model.mechanism().springs()[slack.spring].length, ws.paths(), ws.Q_now(),
+               ws.scratch.length_row);
+    ws.forces.f_z += change * ws.scratch.length_row;
   }
 }
 

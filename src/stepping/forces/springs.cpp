@@ -8,10 +8,10 @@ void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, dou
   const auto& [model, state, ws] = here;
   auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
   if (bends || length.path >= 0)
-    ReducedRow(length, ws.paths(), ws.Q_now(), ws.length_row);
+    ReducedRow(length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
   else
-    ReducedRow(length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
-  A_z.noalias() += weight * ws.length_row * ws.length_row.transpose();
+    ReducedRow(length, model.at_reference.paths, model.reduced->Q_rows, ws.scratch.length_row);
+  A_z.noalias() += weight * ws.scratch.length_row * ws.scratch.length_row.transpose();
 }
 
 namespace {
@@ -36,11 +36,12 @@ void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
 // with the pose.
 void AddNonlinearStiffness(const MechanismStep& here, double weight) {
   const auto& [model, state, ws] = here;
-  if (!model.has_bent_springs) return;
+  if (!model.at_reference.has_bent_springs) return;
   auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
   ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
-    ReducedRow(s.length, model.paths_ref, model.reduced->Q_rows, ws.length_row);
-    A_z.noalias() -= weight * model.spring_stiffness_ref[k] * ws.length_row * ws.length_row.transpose();
+    ReducedRow(s.length, model.at_reference.paths, model.reduced->Q_rows, ws.scratch.length_row);
+    A_z.noalias() -= weight * model.at_reference.spring_stiffness[k] * ws.scratch.length_row *
+                     ws.scratch.length_row.transpose();
     AddSpringOf(here, s.length, weight * stiffness, true);
   });
 }

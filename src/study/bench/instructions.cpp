@@ -1,13 +1,13 @@
 #include "instructions.hpp"
 
 #include <algorithm>
-#include <fork1s/world/step_times.hpp>
 #include <sstream>
 
 #include <fmt/format.h>
 
 #include "child.hpp"
 #include "phases.hpp"
+#include "world/step_times.hpp"
 
 namespace fork1s::internal {
 namespace {

@@ -1,9 +1,10 @@
 // Instructions of a step, counted by valgrind.
 #pragma once
 
-#include <fork1s/study/bench.hpp>
 #include <string>
 #include <vector>
+
+#include "study/bench.hpp"
 
 namespace fork1s::internal {
 

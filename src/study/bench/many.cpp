@@ -1,10 +1,11 @@
 // Many simulations of one scene at a time, and one at many stiffnesses.
 #include <chrono>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/record/csv.hpp>
-#include <fork1s/study/bench.hpp>
+
+#include "base/percentile.hpp"
+#include "parallel/parallel_for.hpp"
+#include "study/bench.hpp"
 
 namespace fork1s {
 namespace {

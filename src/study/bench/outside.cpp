@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/record/scene_json.hpp>
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
 
 #include "child.hpp"
+#include "record/scene_json.hpp"
 
 namespace fork1s {
 namespace {

@@ -1,9 +1,10 @@
 // Simulators that run as programs of their own, by the request of benchmarks/peers/tree.py.
 #pragma once
 
-#include <fork1s/study/bench.hpp>
 #include <string>
 #include <vector>
+
+#include "study/bench.hpp"
 
 namespace fork1s::internal {
 

@@ -3,12 +3,12 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fork1s/record/output_file.hpp>
 
 #include <fmt/format.h>
 
 #include "../html_page.hpp"
 #include "../svg_plot.hpp"
+#include "record/output_file.hpp"
 
 namespace fork1s::internal {
 namespace {

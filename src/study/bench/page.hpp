@@ -1,8 +1,9 @@
 // What a benchmark's page shows.
 #pragma once
 
-#include <fork1s/study/bench.hpp>
 #include <string>
+
+#include "study/bench.hpp"
 
 namespace fork1s::internal {
 

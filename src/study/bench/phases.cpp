@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/base/percentile.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <numeric>
 
 #include "../runs.hpp"
+#include "base/percentile.hpp"
 
 namespace fork1s::internal {
 

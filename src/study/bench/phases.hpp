@@ -1,8 +1,9 @@
 // What the parts of a step take.
 #pragma once
 
-#include <fork1s/study/bench.hpp>
 #include <string>
+
+#include "study/bench.hpp"
 
 namespace fork1s::internal {
 

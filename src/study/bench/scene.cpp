@@ -1,14 +1,14 @@
 #include <algorithm>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/parallel/parallel_for.hpp>
 #include <fork1s/record/csv.hpp>
-#include <fork1s/study/bench.hpp>
 
 #include <fmt/format.h>
 
 #include "instructions.hpp"
 #include "outside.hpp"
+#include "parallel/parallel_for.hpp"
 #include "phases.hpp"
+#include "study/bench.hpp"
 
 namespace fork1s {
 

@@ -1,8 +1,9 @@
 // A spring between a point of any body and the pointer of a viewer.
 #pragma once
 
-#include <fork1s/server/wire.hpp>
 #include <fork1s/sim/simulation.hpp>
+
+#include "server/wire.hpp"
 
 namespace fork1s {
 

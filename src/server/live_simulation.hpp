@@ -2,19 +2,20 @@
 #pragma once
 
 #include <fork1s/diagnostics/error_estimate.hpp>
-#include <fork1s/server/command.hpp>
-#include <fork1s/server/full_ghost.hpp>
-#include <fork1s/server/live_settings.hpp>
-#include <fork1s/server/model_file.hpp>
-#include <fork1s/server/past.hpp>
-#include <fork1s/server/snapshot.hpp>
-#include <fork1s/server/wire.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "server/command.hpp"
+#include "server/full_ghost.hpp"
+#include "server/live_settings.hpp"
+#include "server/model_file.hpp"
+#include "server/past.hpp"
+#include "server/snapshot.hpp"
+#include "server/wire.hpp"
 
 namespace fork1s {
 

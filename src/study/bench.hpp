@@ -2,12 +2,13 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/study/peers.hpp>
-#include <fork1s/study/stability.hpp>
 #include <functional>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "study/peers.hpp"
+#include "study/stability.hpp"
 
 namespace fork1s {
 

@@ -5,14 +5,15 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/server/command.hpp>
-#include <fork1s/server/snapshot.hpp>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "server/command.hpp"
+#include "server/snapshot.hpp"
 
 namespace fork1s {
 

@@ -2,11 +2,12 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
-#include <fork1s/base/temporary_folder.hpp>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/importer/mjcf.hpp>
 #include <memory>
 #include <string>
+
+#include "base/temporary_folder.hpp"
+#include "importer/mjcf.hpp"
 
 namespace fork1s {
 

@@ -2,8 +2,9 @@
 #pragma once
 
 #include <fork1s/constraints/contact_solver.hpp>
-#include <fork1s/parallel/scratch_pool.hpp>
 #include <vector>
+
+#include "parallel/scratch_pool.hpp"
 
 namespace fork1s {
 

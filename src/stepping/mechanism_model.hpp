@@ -1,18 +1,34 @@
 // What a step of a mechanism reads and only a refresh changes.
 #pragma once
 
-#include <fork1s/linalg/row_squares.hpp>
-#include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <fork1s/stepping/mechanism_options.hpp>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "linalg/row_squares.hpp"
+#include "mechanism/rigid_parts.hpp"
+
 namespace fork1s {
 
 struct VelocityRange {
   int begin = 0, size = 0;
+};
+
+/// Springs and dampers about the reference. Sizes: n joint coordinates, r reduced ones.
+struct ReferenceForces {
+  std::vector<PathState> paths;
+  std::vector<double> spring_stiffness;     // of springs()
+  std::vector<WeightedRows> dampers;        // of joints
+  std::vector<WeightedRows> joint_springs;  // without those of servos with bounds
+  MatrixX joint_damping;                    // r x r, lower triangle, with loops: what `dampers` are in D
+  std::vector<int> damped_rotations;        // of rotations(); their dampers are not among `dampers`
+  // Three rows a damped rotation, E Q_θ, by the columns that move them.
+  std::vector<WeightedRows> rotation_dampers;
+  MatrixX rotation_damping;       // r x r, lower triangle: what `rotation_dampers` are in D
+  MatrixX closure_damping;        // r x r, lower triangle: of springy closures in D; empty for none
+  bool has_bent_springs = false;  // of paths, or not linear
 };
 
 /// Const and shared once it is made; a refresh makes another one. Sizes: n joint coordinates, r reduced ones.
@@ -53,18 +69,7 @@ struct MechanismModel {
   std::vector<int> part_of_group, part_of_limited, part_of_friction;  // of length_limits, of frictions()
   std::vector<int> part_of_bounded_force;                             // -1: of one that nothing moves by
 
-  // Forces about the reference.
-  std::vector<PathState> paths_ref;
-  std::vector<double> spring_stiffness_ref;  // of springs()
-  std::vector<WeightedRows> dampers;         // of joints
-  std::vector<WeightedRows> joint_springs;   // without those of servos with bounds
-  MatrixX joint_damping_ref;                 // r x r, lower triangle, with loops: what those are in D
-  std::vector<int> damped_rotations;         // of rotations(); their dampers are not among `dampers`
-  std::vector<WeightedRows>
-      rotation_dampers;           // three rows a damped rotation, E Q_θ, by the columns that move them
-  MatrixX rotation_damping_ref;   // r x r, lower triangle: what those are in D
-  MatrixX closure_damping;        // r x r, lower triangle: of springy closures in D; empty for none
-  bool has_bent_springs = false;  // of paths, or not linear
+  ReferenceForces at_reference;
 };
 
 }  // namespace fork1s

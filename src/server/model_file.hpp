@@ -1,11 +1,12 @@
 // The file behind a live simulation: what it says beyond the scene, and who writes changes into a copy of it.
 #pragma once
 
-#include <fork1s/server/tunables.hpp>
 #include <functional>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "server/tunables.hpp"
 
 namespace fork1s {
 

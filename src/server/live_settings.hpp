@@ -1,10 +1,11 @@
 // What a viewer can change about the model while it runs.
 #pragma once
 
-#include <fork1s/server/tunables.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <vector>
+
+#include "server/tunables.hpp"
 
 namespace fork1s {
 

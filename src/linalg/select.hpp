@@ -1,8 +1,9 @@
 // Rows, columns and entries picked by their numbers, compiled once for the reason of products.hpp.
 #pragma once
 
-#include <fork1s/linalg/products.hpp>
 #include <vector>
+
+#include "linalg/products.hpp"
 
 namespace fork1s {
 

@@ -1,9 +1,10 @@
 // Sixty frames a second of a simulation that viewers touch.
 #pragma once
 
-#include <fork1s/server/live_server.hpp>
-#include <fork1s/server/live_simulation.hpp>
 #include <functional>
+
+#include "server/live_server.hpp"
+#include "server/live_simulation.hpp"
 
 namespace fork1s {
 

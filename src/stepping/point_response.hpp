@@ -2,7 +2,8 @@
 #pragma once
 
 #include <fork1s/stepping/free_body.hpp>
-#include <fork1s/stepping/mechanism_step.hpp>
+
+#include "stepping/mechanism_step.hpp"
 
 namespace fork1s {
 

@@ -1,11 +1,12 @@
 // Where a body goes under a dead load, to first order and in full.
 #pragma once
 
-#include <fork1s/reduction/buckling.hpp>
-#include <fork1s/study/posed_mechanism.hpp>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "reduction/buckling.hpp"
+#include "study/posed_mechanism.hpp"
 
 namespace fork1s {
 

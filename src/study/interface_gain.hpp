@@ -5,10 +5,11 @@
 #include <fork1s/base/error.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
-#include <fork1s/study/posed_mechanism.hpp>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "study/posed_mechanism.hpp"
 
 namespace fork1s {
 

@@ -1,7 +1,7 @@
 // Linear buckling: by how much a dead load may grow before the tangent stiffness is singular.
 #pragma once
 
-#include <fork1s/reduction/tangent_stiffness.hpp>
+#include "reduction/tangent_stiffness.hpp"
 
 namespace fork1s {
 

@@ -5,11 +5,12 @@
 
 #include <cstdint>
 #include <fork1s/record/recording.hpp>
-#include <fork1s/server/full_ghost.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "server/full_ghost.hpp"
 
 namespace fork1s {
 

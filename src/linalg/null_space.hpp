@@ -1,8 +1,9 @@
 // Null spaces, ranges and complements, by the policy of rank.hpp.
 #pragma once
 
-#include <fork1s/linalg/rank.hpp>
 #include <vector>
+
+#include "linalg/rank.hpp"
 
 namespace fork1s {
 

@@ -2,9 +2,10 @@
 #pragma once
 
 #include <fork1s/base/quad.hpp>
-#include <fork1s/mechanism/rigid_parts.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <vector>
+
+#include "mechanism/rigid_parts.hpp"
 
 namespace fork1s {
 

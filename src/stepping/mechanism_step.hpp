@@ -8,9 +8,10 @@
 
 #include <fork1s/stepping/linearization_drift.hpp>
 #include <fork1s/stepping/mechanism_state.hpp>
-#include <fork1s/stepping/stage_motion.hpp>
 #include <memory>
 #include <vector>
+
+#include "stepping/stage_motion.hpp"
 
 namespace fork1s {
 
@@ -148,9 +149,7 @@ void EndStep(const MechanismStep& here, double between_stages);
 /// Puts back a state, of here or of another mechanism that was created the same way; the model follows it.
 void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work,
              const MechanismState& saved);
-/// Largest turn since the reference, as a share of the refresh angle, of joints whose turn matters, or gap
-/// of a loop that is closed by its curvature, as a share of the refresh gap. A joint
-/// that leaves the reduction as it is does not count, nor one whose every motion the model has.
+/// As MechanismDynamics::ComputeLinearizationDrift.
 LinearizationDrift ComputeLinearizationDrift(const MechanismView& here);
 /// Keeps what a step from `start` did to the loads, for the two functions below: the joint forces of stops,
 /// dry frictions and servos at their bounds in the last stage, and the change of the controls. Impulses are
@@ -169,8 +168,7 @@ bool UpdateExpansion(const MechanismStep& here, double h);
 void DropExpansionIfFar(const MechanismStep& here);
 /// False where joints have turned so far from the expansion that it tells nothing of the pose.
 bool IsWithinExpansion(const MechanismView& here);
-/// Moves the reference to the present pose: another model. False if the mechanism cannot be reduced there:
-/// the old model stays.
+/// As MechanismDynamics::Refresh.
 bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);
 
 // Ports: what contacts see.
@@ -215,12 +213,7 @@ double KineticEnergy(const MechanismView& here);
 /// Springs, controls and gravity at the present pose [J].
 double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W);
 double ClosureGapNow(const MechanismView& here);
-/// Forces of the rigid closures and couplings [num_constraints], in the order and axes of ClosureResidual:
-/// what the joined parts bear so that the residual stays 0, positive where springs and loads would open it.
-/// From the balance of joint forces after a step of h [s], by the metric of the loop correction where the
-/// interior is not in balance. What rows bear against each other where the joints can hardly yield stays
-/// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R.
-/// Allocates.
+/// As MechanismDynamics::ClosureForces.
 VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near);
 bool IsFinite(const MechanismView& here);
 bool PosesAreFinite(const MechanismView& here);
