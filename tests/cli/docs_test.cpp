@@ -103,6 +103,7 @@ void FollowPage(const std::string& name) {
 
 TEST(Docs, TheGripperPageSaysWhatRuns) { FollowPage("gripper_in_ten_minutes.md"); }
 TEST(Docs, TheHandPageSaysWhatRuns) { FollowPage("hand_stiffness.md"); }
+TEST(Docs, TheQuadrupedPageSaysWhatRuns) { FollowPage("urdf_quadruped.md"); }
 
 // Text of the section "### HEADING" of a page.
 std::string SectionOf(const std::string& page, const std::string& heading) {
