@@ -167,7 +167,7 @@ const pictures = {
     async touch(page) {
       await page.keyboard.press('p');
       await playUntil(page, 3);
-      await look(page, -60, 14, 1.1, 'ball');
+      await look(page, -60, 14, 0.8, 'ball');
       await seconds(2);
     },
   },
