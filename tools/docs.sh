@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the site of docs/ in build/site, strictly: links and anchors that lead nowhere fail, and so do pages that the
-# navigation has forgotten and notebooks of which a cell fails.
+# navigation has forgotten, notebooks of which a cell fails, and searches of the site that do not find what they should.
 #
 #     tools/docs.sh [--from BUILD]      BUILD has the Python package; default: build/release
 #     tools/docs.sh --serve             on this machine, anew whenever a page is saved
@@ -38,3 +38,8 @@ if [ -n "$serve" ]; then
 fi
 "$work/tools/bin/mkdocs" build --strict --quiet
 echo "docs: build/site/index.html, $(find build/site -name '*.html' | wc -l) pages"
+if [ -d "$build/viewer/work/node_modules/playwright-core" ] && ls /usr/bin/chromium* >/dev/null 2>&1; then
+  node tools/search_docs.mjs build/site "$build/viewer/work"
+else
+  echo "docs: the search of the site is not tried, which needs the viewer's build and chromium"
+fi

@@ -7,25 +7,25 @@ from pathlib import Path
 from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = [
-    "sim",
-    "importer",
-    "mechanism",
-    "reduction",
-    "recovery",
-    "record",
-    "study",
-    "geometry",
-    "spatial",
-    "stepping",
-    "world",
-    "diagnostics",
-    "constraints",
-    "collision",
-    "reference",
-    "base",
-    "linalg",
-]
+ROOMS = {
+    "sim": "Simulation",
+    "importer": "Models from files",
+    "mechanism": "Mechanisms: bodies, joints, loops",
+    "reduction": "Reduction and compliance",
+    "recovery": "Poses of all bodies",
+    "record": "Recordings",
+    "study": "Comparison with others",
+    "geometry": "Shapes and meshes",
+    "spatial": "Rigid motions",
+    "stepping": "Time stepping of a mechanism",
+    "world": "Steps of a world in contact",
+    "diagnostics": "Error estimate and load factor",
+    "constraints": "Contact laws and solver",
+    "collision": "Contact detection",
+    "reference": "Full-coordinate simulator",
+    "base": "Errors and indices",
+    "linalg": "Linear algebra",
+}
 
 
 def _body(text: str) -> str:
@@ -49,24 +49,25 @@ def on_files(files, config, **_):
 
 
 def on_page_markdown(markdown: str, page, **_) -> str:
+    if page.file.src_uri.startswith("api_"):
+        page.meta["search"] = {"boost": 0.3}  # pages that explain are found before the reference
     if not page.file.src_uri.startswith("notebooks/"):
         # Pages lead to notebooks, which is what there is in the repository; on the site to what became of them.
         markdown = re.sub(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb", r"\1.md", markdown)
     if page.file.src_uri != "api_cpp.md":
         return markdown
     out = []
-    for room in ROOMS:
-        out.append(f"## {room}\n")
+    for room, name in ROOMS.items():
+        out.append(f"## {name}\n")
         for header in sorted((ROOT / "include" / "fork1s" / room).glob("*.hpp")):
             text = header.read_text(encoding="utf-8")
             says = re.match(r"((?://.*\n)+)", text)
             title = " ".join(line.lstrip("/ ").strip() for line in says[1].splitlines()) if says else ""
             code = _body(text[says.end() :] if says else text)
-            inside = "\n".join("    " + line if line else "" for line in f"```cpp\n{code}\n```".splitlines())
-            out.append(f'??? note "`fork1s/{room}/{header.name}`"\n\n    {title}\n\n{inside}\n')
+            out.append(f"### fork1s/{room}/{header.name}\n\n{title}\n\n```cpp\n{code}\n```\n")
     folders = {p.name for p in (ROOT / "include" / "fork1s").iterdir() if p.is_dir()}
-    if folders != set(ROOMS):
+    if folders != ROOMS.keys():
         raise ValueError(
-            f"tools/docs_hook.py has other rooms than include/fork1s: {sorted(folders ^ set(ROOMS))}"
+            f"tools/docs_hook.py has other rooms than include/fork1s: {sorted(folders ^ ROOMS.keys())}"
         )
     return markdown.replace("<!-- headers -->", "\n".join(out))

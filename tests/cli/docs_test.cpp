@@ -103,8 +103,45 @@ void FollowPage(const std::string& name) {
 
 TEST(Docs, TheGripperPageSaysWhatRuns) { FollowPage("gripper_in_ten_minutes.md"); }
 TEST(Docs, TheHandPageSaysWhatRuns) { FollowPage("hand_stiffness.md"); }
+TEST(Docs, TheQuadrupedPageSaysWhatRuns) { FollowPage("urdf_quadruped.md"); }
 
-// The two above find what went stale: a line with another word or number is not what was said.
+// Text of the section "### HEADING" of a page.
+std::string SectionOf(const std::string& page, const std::string& heading) {
+  const std::size_t begin = page.find("\n### " + heading + "\n");
+  if (begin == std::string::npos) return {};
+  return page.substr(begin, page.find("\n##", begin + 5) - begin);
+}
+
+TEST(Docs, EveryKeyOfJsonHasARowInItsTable) {
+  const std::string page = Slurp(std::filesystem::path(FORK1S_SOURCE_DIR) / "docs" / "formats.md");
+  const std::string model = Write("finger.xml", FingerModel());
+  const std::pair<const char*, std::string> commands[] = {
+      {"inspect", ""},
+      {"reduce", ""},
+      {"statics", "--body tip --force 0,0,0.01 --buckling 1"},
+      {"run", "--time 0.05 --error"}};
+  for (const auto& [command, options] : commands) {
+    const Outcome o = Fork1s(std::string(command) + " --json " + model + " " + options);
+    ASSERT_EQ(o.code, 0) << o.err;
+    const std::string section = SectionOf(page, command);
+    const auto check = [&](const nlohmann::json& object, const std::string& parent) {
+      for (const auto& [key, value] : object.items())
+        EXPECT_TRUE(section.find("`" + key + "`") != std::string::npos ||
+                    section.find("`" + parent + "." + key + "`") != std::string::npos)
+            << parent << " " << key << " is not in docs/formats.md, section " << command;
+    };
+    const auto json = o.Json();
+    check(json, "");
+    for (const char* part : {"loaded", "coordinates", "assumed", "energy_J", "contact_solver"})
+      if (json.contains(part)) check(json[part], part);
+    if (json.contains("mechanisms")) {
+      check(json["mechanisms"][0], "mechanisms");
+      check(json["mechanisms"][0]["gain"], "gain");
+    }
+  }
+}
+
+// FollowPage finds what is out of date: a line with another word or number is not what was said.
 TEST(Docs, AnotherNumberIsNotTheSame) {
   EXPECT_TRUE(SaysTheSame("  held by 7.31 N,  0.0000 mm", "  held by 7.312 N, -0.00001 mm"));
   EXPECT_FALSE(SaysTheSame("  held by 7.31 N", "  held by 7.51 N"));

@@ -160,6 +160,17 @@ const pictures = {
       await seconds(2);
     },
   },
+  page_phone_dark: {
+    model: grasp,
+    viewport: { width: 390, height: 844 },
+    colorScheme: 'dark',
+    async touch(page) {
+      await page.keyboard.press('p');
+      await playUntil(page, 3);
+      await look(page, -60, 14, 0.8, 'ball');
+      await seconds(2);
+    },
+  },
 };
 
 function view(model) {
@@ -183,7 +194,10 @@ const browser = await chromium.launch({
 for (const [name, picture] of Object.entries(pictures)) {
   if (only.length > 0 && !only.includes(name)) continue;
   const program = await view(picture.model);
-  const page = await browser.newPage({ viewport: picture.viewport ?? { width: 1280, height: 720 } });
+  const page = await browser.newPage({
+    viewport: picture.viewport ?? { width: 1280, height: 720 },
+    colorScheme: picture.colorScheme ?? 'light',
+  });
   await page.goto(program.address);
   await page.waitForFunction(() => globalThis.fork1s?.framesTaken > 2 && fork1s.view.framesDrawn > 2);
   await picture.touch(page);

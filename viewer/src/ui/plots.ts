@@ -9,8 +9,8 @@ const SHARE = 0.12; // of the page's height
 const LEAST_HEIGHT = 84;
 const LEAST_DRAG = 4; // pixels
 const FIRST_TOGETHER = 3; // of a kind
-/** Of the second curve of a plot and those after it. */
-const COLORS = ['', '#d0413e', '#3f9b72', '#b07a1e', '#8a63c4', '#1d9a8a'];
+/** Colours of the curves of a plot, as variables of the theme. */
+const COLORS = ['--accent', '--curve-2', '--curve-3', '--curve-4', '--curve-5', '--curve-6'];
 export const DRAGGED = 'text/x-fork1s-signal';
 
 /** What a page begins with: joints, contact, bases, energy. */
@@ -139,7 +139,7 @@ export class Plots {
     const style = getComputedStyle(document.documentElement);
     const text = style.getPropertyValue('--faint').trim();
     const edge = style.getPropertyValue('--edge').trim();
-    const accent = style.getPropertyValue('--accent').trim();
+    const colors = COLORS.map((name) => style.getPropertyValue(name).trim());
     const font = '10px system-ui, sans-serif';
     this.cells = this.keys.map((keys, at) => {
       const figure = element('figure', 'plot', this.root);
@@ -151,7 +151,7 @@ export class Plots {
         const prefix = signal && ['joint_force', 'actuator', 'error'].includes(signal.group) ? `${key.split(':')[0] ?? ''} ` : '';
         label.textContent = `${prefix}${signal?.title ?? key}${signal?.unit ? ` [${signal.unit}]` : ''}`;
         label.title = label.textContent;
-        if (i > 0) label.style.color = COLORS[i % COLORS.length] ?? accent;
+        if (i > 0) label.style.color = colors[i % colors.length] ?? text;
       });
       const close = element('button', 'close', caption);
       close.type = 'button';
@@ -196,7 +196,7 @@ export class Plots {
             ...keys.map((key, i) => ({
               ...curve,
               scale: `y ${this.store.find(key)?.unit ?? ''}`,
-              stroke: i === 0 ? accent : (COLORS[i % COLORS.length] ?? accent),
+              stroke: colors[i % colors.length] ?? text,
             })),
           ],
         },

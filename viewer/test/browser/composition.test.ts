@@ -83,6 +83,50 @@ describe.skipIf(!ready)('composition', () => {
       await page.locator('.timeline').waitFor({ state: 'detached' });
     });
 
+  for (const theme of ['light', 'dark'])
+    it(`on a phone the first plots are seen whole, and text is legible, ${theme}`, async () => {
+      const { page } = live;
+      await page.setViewportSize({ width: 390, height: 844 });
+      await page.locator('canvas.stage').focus();
+      if (!(await page.locator('.plots').isVisible())) await page.keyboard.press('p');
+      if ((await page.evaluate(() => document.documentElement.dataset['theme'])) !== theme) await page.keyboard.press('t');
+      await page.locator('.plots').evaluate((plots) => plots.scrollTo(0, 0));
+      await expect
+        .poll(async () => {
+          const plots = await page.locator('.plots').boundingBox();
+          const plot = await page.locator('.plots .plot').first().boundingBox();
+          return plots && plot ? plots.y + plots.height - plot.y - plot.height : NaN;
+        })
+        .toBeGreaterThanOrEqual(0);
+      // Contrast of text against what lies under it, as WCAG 2 defines it; 4.5 is its level AA.
+      const faint = await page.evaluate(() => {
+        type Colour = [number, number, number, number];
+        const read = (text: string): Colour => {
+          const [r = 0, g = 0, b = 0, a = 1] = (text.match(/[\d.]+/g) ?? []).map(Number);
+          return [r, g, b, a];
+        };
+        const over = (top: Colour, under: Colour): Colour => {
+          const mix = (i: 0 | 1 | 2): number => top[3] * top[i] + (1 - top[3]) * under[i];
+          return [mix(0), mix(1), mix(2), 1];
+        };
+        const ground = (e: Element | null): Colour =>
+          e ? over(read(getComputedStyle(e).backgroundColor), ground(e.parentElement)) : document.documentElement.dataset['theme'] === 'dark' ? [0, 0, 0, 1] : [255, 255, 255, 1];
+        const luminance = (c: Colour): number => {
+          const linear = (v: number): number => (v / 255 <= 0.04045 ? v / 255 / 12.92 : ((v / 255 + 0.055) / 1.055) ** 2.4);
+          return 0.2126 * linear(c[0]) + 0.7152 * linear(c[1]) + 0.0722 * linear(c[2]);
+        };
+        return [...document.querySelectorAll<HTMLElement>('.title *, .legend span, .plots .names span, .lil-gui .title')]
+          .filter((e) => e.offsetParent !== null && e.textContent?.trim())
+          .flatMap((e) => {
+            const under = ground(e);
+            const [dark = 0, bright = 0] = [luminance(over(read(getComputedStyle(e).color), under)), luminance(under)].sort((a, b) => a - b);
+            const contrast = (bright + 0.05) / (dark + 0.05);
+            return contrast < 4.5 ? [`${e.textContent} ${contrast.toFixed(2)}`] : [];
+          });
+      });
+      expect(faint).toEqual([]);
+    });
+
   it('every control has a name, and the Tab key goes from the bar to the panels to the plots', async () => {
     const { page } = live;
     await page.setViewportSize({ width: 1280, height: 720 });

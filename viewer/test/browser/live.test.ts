@@ -35,6 +35,19 @@ describe.skipIf(!ready)('the page on a running hand', () => {
     await live.page.waitForFunction(() => fork1s?.view.frame?.paused === false && fork1s.scalar('steps') > 2);
   });
 
+  it('a page opened while paused shows the present', async () => {
+    await live.page.waitForFunction(() => (fork1s?.scalar('steps') ?? 0) > 10);
+    await live.page.keyboard.press(' ');
+    await live.page.waitForFunction(() => fork1s?.view.frame?.paused === true);
+    const steps = await live.page.evaluate(() => fork1s?.scalar('steps'));
+    const other = await open(live.browser, live.program.address);
+    await other.waitForFunction((n) => fork1s?.scalar('steps') === n && fork1s?.view.frame?.paused === true && fork1s?.view.framesDrawn > 0, steps);
+    expect(await poseOf(other, 'index_tip')).toEqual(await poseOf(live.page, 'index_tip'));
+    await other.close();
+    await live.page.keyboard.press(' ');
+    await live.page.waitForFunction(() => fork1s?.view.frame?.paused === false);
+  });
+
   it('drags an interior body, and the force shows', async () => {
     const point: [number, number, number] = [0.03, 0, 0];
     const before = await poseOf(live.page, 'index_middle');
