@@ -11,3 +11,15 @@ else()
   set(fork1s_nanobind_folder ${nanobind_FOLDER}/nanobind)
 endif()
 find_package(nanobind ${nanobind_VERSION} EXACT REQUIRED CONFIG PATHS ${fork1s_nanobind_folder}/cmake NO_DEFAULT_PATH)
+
+# Texts of what nanobind_add_module compiles into a module, for who ships it: nanobind's own, and that of the hash map
+# that it contains.
+file(GLOB nanobind_license ${fork1s_nanobind_folder}/LICENSE ${fork1s_nanobind_folder}/../LICENSE
+  ${fork1s_nanobind_folder}/../nanobind-*.dist-info/licenses/LICENSE)
+file(READ ${fork1s_nanobind_folder}/ext/robin_map/include/tsl/robin_map.h robin_map_license)
+string(REGEX MATCH "^/\\*.*SOFTWARE\\.\n \\*/" robin_map_license "${robin_map_license}")
+if(nanobind_license STREQUAL "" OR robin_map_license STREQUAL "")
+  message(FATAL_ERROR "${fork1s_nanobind_folder}: no license of nanobind or of its robin_map; unpack a whole wheel of nanobind")
+endif()
+file(WRITE ${PROJECT_BINARY_DIR}/licenses/robin_map.txt "${robin_map_license}\n")
+configure_file(${nanobind_license} ${PROJECT_BINARY_DIR}/licenses/nanobind.txt COPYONLY)

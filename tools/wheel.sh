@@ -43,7 +43,7 @@ fi
 # Takes in the libraries of the system, under names of their own, as libmujoco has one already (cmake/CarryMujoco.cmake).
 PATH="$tools:$PATH" "$tools/auditwheel" repair --wheel-dir "$work/dist" \
   "$work"/raw/*.whl >"$work/repair.log" 2>&1 || { cat "$work/repair.log" >&2; exit 1; }
-"$python" tools/wheel_licenses.py "$work"/dist/*.whl
+"$python" tools/wheel_licenses.py "$work"/dist/*.whl ${from:+"$2"}
 
 echo "wheel: testing $(basename "$work"/dist/*.whl) in a fresh environment"
 mujoco="mujoco-core==$(sed -n 's/^mujoco-core==\([0-9.]*\).*/\1/p' cmake/mujoco.txt)"

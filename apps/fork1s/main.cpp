@@ -14,10 +14,11 @@
 #include <system_error>
 
 #include "base/system_error.hpp"
-#include "child_reader.hpp"
 #include "command.hpp"
 #include "command_line.hpp"
+#include "model_arguments.hpp"
 #include "print.hpp"
+#include "record/child_reader.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -62,7 +63,8 @@ constexpr const char* kOutOfMemory = "fork1s: out of memory; what was recorded u
 
 // What the command line asks for.
 int Perform(int argc, char** argv) {
-  if (argc > 1 && std::strcmp(argv[1], kReaderArgument) == 0) return RunReader(argc - 1, argv + 1);
+  if (argc > 1 && std::strcmp(argv[1], kReaderArgument) == 0)
+    return RunReader(argc - 1, argv + 1, ReadQuietly);
   CLI::App app{
       "FORK-1S: compliant mechanisms reduced to the bodies that touch the world, simulated in contact",
       "fork1s"};

@@ -10,9 +10,9 @@
 #include <fmt/format.h>
 
 #include "checks.hpp"
-#include "child_reader.hpp"
 #include "held_errors.hpp"
 #include "mechanism/names.hpp"
+#include "record/child_reader.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -250,17 +250,22 @@ auto ReadAsTyped(const Read& read) {
 
 }  // namespace
 
-Expected<ImportedScene> ModelArguments::Load(const std::atomic<bool>& stop) const {
-  // A wrong option is told before a process is started.
-  if (const auto options = Options(); !options) return tl::unexpected(options.error());
-  return ReadInChild(*this, stop);
+Expected<ImportedScene> ReadQuietly(const std::string& path, const ImportOptions& options) {
+  HeldErrors held;
+  auto loaded = LoadMechanism(path, options);
+  if (!loaded) held.Drop();
+  return loaded;
 }
 
-Expected<ImportedScene> ModelArguments::Read() const {
+Expected<ImportedScene> ModelArguments::Load(const std::atomic<bool>& stop) const {
   const auto options = Options();
   if (!options) return tl::unexpected(options.error());
-  auto loaded = ReadAsTyped([&] { return LoadMechanism(path, *options); });
-  if (!loaded) return loaded;
+  auto loaded = ReadInChild({.max_time = read_time, .time_option = "--read-time"}, path, *options,
+                            [&] { return stop.load(); });
+  if (!loaded) {
+    loaded.error().where = AsTyped(loaded.error().where);
+    return loaded;
+  }
   for (ImportNote& note : loaded->report.notes) note.where = AsTyped(note.where);
   return loaded;
 }

@@ -36,10 +36,8 @@ struct ModelArguments {
   bool json = false;
 
   void AddTo(CLI::App& command);
-  /// Reads the model in a child process (ReadInChild), until `stop` is set.
+  /// Reads the model in a child process (ReadInChild), until `stop` is set. Errors have options as they were typed.
   Expected<ImportedScene> Load(const std::atomic<bool>& stop = kNeverStopped) const;
-  /// Reads the model in this process. Errors: those of LoadMechanism, with options as they were typed.
-  Expected<ImportedScene> Read() const;
   /// WriteMjcfFile of the model with these options.
   Expected<MjcfModel> WriteMjcf(const std::string& out) const;
   /// ShareWithMuJoCo of the model with these options.
@@ -51,6 +49,9 @@ struct ModelArguments {
  private:
   Expected<void> ReadStart(ImportOptions& options) const;
 };
+
+/// LoadMechanism; what libraries print beside an error is dropped.
+Expected<ImportedScene> ReadQuietly(const std::string& path, const ImportOptions& options);
 
 /// --integrator, as given.
 void AddIntegratorTo(CLI::App& command, std::optional<Integrator>& integrator);

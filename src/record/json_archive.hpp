@@ -6,7 +6,9 @@
 #include <concepts>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -103,6 +105,18 @@ class JsonWriter {
     for (const T& v : values) array.push_back(Encode(v));
     return array;
   }
+  template <class T>
+  Json Encode(const std::optional<T>& value) {
+    return value ? Encode(*value) : Json(nullptr);
+  }
+  /// A list of pairs: keys are names of any bytes.
+  template <class T>
+  Json Encode(const std::map<std::string, T>& values) {
+    Json array = Json::array();
+    for (const auto& entry : values)
+      array.push_back(Json::array({Encode(entry.first), Encode(entry.second)}));
+    return array;
+  }
   /// Matrices row by row.
   template <class T, int Rows, int Cols, int Flags, int MaxRows, int MaxCols>
   Json Encode(const Eigen::Matrix<T, Rows, Cols, Flags, MaxRows, MaxCols>& m) {
@@ -189,6 +203,17 @@ class JsonReader {
     if (!j.is_array()) throw JsonFault(path, "should be a list");
     values.assign(j.size(), T{});
     for (std::size_t i = 0; i < values.size(); ++i) Decode(j[i], values[i], {&path, nullptr, i});
+  }
+  template <class T>
+  void Decode(const Json& j, std::optional<T>& value, const JsonPath& path) {
+    value.reset();
+    if (!j.is_null()) Decode(j, value.emplace(), path);
+  }
+  template <class T>
+  void Decode(const Json& j, std::map<std::string, T>& values, const JsonPath& path) {
+    std::vector<std::pair<std::string, T>> entries;
+    Decode(j, entries, path);
+    values = {entries.begin(), entries.end()};
   }
   template <class T, int Rows, int Cols, int Flags, int MaxRows, int MaxCols>
   void Decode(const Json& j, Eigen::Matrix<T, Rows, Cols, Flags, MaxRows, MaxCols>& m, const JsonPath& path) {

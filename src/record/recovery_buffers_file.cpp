@@ -15,7 +15,7 @@
 namespace fork1s {
 namespace {
 
-using Json = nlohmann::json;
+using SortedJson = nlohmann::json;
 
 constexpr std::string_view kMagic = "fork1s recovery\n";  // sixteen bytes
 constexpr std::size_t kAlignment = 256;  // what every graphics processor takes as the offset of a buffer
@@ -26,11 +26,11 @@ constexpr FileKind kBuffersText{"the description of buffers of fork1s",
 
 // A section of the file, and how the description names it.
 template <class T>
-Json AddSection(const std::vector<T>& values, const char* type, std::string& bytes) {
+SortedJson AddSection(const std::vector<T>& values, const char* type, std::string& bytes) {
   bytes.resize((bytes.size() + kAlignment - 1) / kAlignment * kAlignment, '\0');
   const std::size_t at = bytes.size();
   bytes.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
-  Json section;
+  SortedJson section;
   section["offset"] = at;
   section["bytes"] = values.size() * sizeof(T);
   section["type"] = type;
@@ -38,14 +38,14 @@ Json AddSection(const std::vector<T>& values, const char* type, std::string& byt
   return section;
 }
 
-Json Roots(const Simulation& simulation) {
-  Json roots = Json::array();
+SortedJson Roots(const Simulation& simulation) {
+  SortedJson roots = SortedJson::array();
   int link =
       static_cast<int>(simulation.world().mechanisms().size() + simulation.world().free_bodies().size());
   int z = 8 * link, coordinate = 0;
   for (const MechanismDynamics& m : simulation.world().mechanisms()) {
     const Mechanism& mechanism = m.mechanism();
-    Json root;
+    SortedJson root;
     root["name"] = mechanism.name();
     root["kind"] = "mechanism";
     root["base"] = Name(mechanism.base());
@@ -61,7 +61,7 @@ Json Roots(const Simulation& simulation) {
     z += m.model().size();
   }
   for (const FreeBody& body : simulation.world().free_bodies()) {
-    Json root;
+    SortedJson root;
     root["name"] = body.name();
     root["kind"] = "free body";
     roots.push_back(std::move(root));
@@ -83,14 +83,14 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
   std::string bytes(kMagic);
   const std::uint64_t reference = buffers.reference();
   bytes.append(reinterpret_cast<const char*>(&reference), sizeof reference);
-  Json sections;
+  SortedJson sections;
   sections["tables"] = AddSection(t, "int32", bytes);
   sections["numbers"] = AddSection(buffers.numbers(), "float32", bytes);
   sections["frame"] = AddSection(frame, "float32", bytes);
   sections["trial_frame"] = AddSection(trial.frame, "float32", bytes);
   sections["trial_poses"] = AddSection(trial.poses, "float32", bytes);
 
-  Json out;
+  SortedJson out;
   out["version"] = kRecoveryBuffersVersion;
   out["program"] = "fork1s " FORK1S_VERSION;
   out["file"] = "recovery.bin";
@@ -101,14 +101,14 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
   const bool twist = buffers.recovery() == Recovery::kTwist;
   for (const char* pass : {"recover_twist", "recover_joints", "recover_scan", "recover_exact"})
     if (twist == (pass == std::string_view("recover_twist"))) out["passes"].push_back(pass);
-  Json& units = out["units"];
+  SortedJson& units = out["units"];
   units["length"] = "m";
   units["angle"] = "rad";
   units["z"] = "1";
   out["quaternion"] = "x y z w";
   out["frames"] =
       "poses are X_WB, of the body in the world; numbers are in the root frame R of each mechanism";
-  Json& sizes = out["sizes"];
+  SortedJson& sizes = out["sizes"];
   constexpr std::pair<const char*, std::size_t> kSizes[] = {{"roots", 1},       {"links", 2}, {"bodies", 3},
                                                             {"coordinates", 4}, {"z", 5},     {"frame", 8},
                                                             {"longest_path", 9}};
@@ -118,12 +118,12 @@ Expected<void> SaveRecoveryBuffers(const Simulation& simulation, const std::stri
   sizes["poses_bytes"] = 32 * t[3];
   out["sections"] = std::move(sections);
   out["roots"] = Roots(simulation);
-  out["bodies"] = Json::array();
+  out["bodies"] = SortedJson::array();
   for (const SceneBody& b : simulation.bodies()) out["bodies"].push_back(b.name);
 
   const std::filesystem::path place(*folder);
   if (auto ok = WriteFile((place / "recovery.bin").string(), kBuffersFile, bytes); !ok) return ok;
-  const std::string members = out.dump(1, ' ', false, Json::error_handler_t::replace).substr(1);
+  const std::string members = out.dump(1, ' ', false, SortedJson::error_handler_t::replace).substr(1);
   const std::string text = fmt::format("{},{}\n", kBuffersText.begin, members);
   return WriteFile((place / "recovery.json").string(), kBuffersText, text);
 }

@@ -282,6 +282,23 @@ void Fields(A& a, Like<ImportedScene, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<PdGains, A>& s) {
+  auto& [kp, kv] = s;
+  a("kp", kp), a("kv", kv);
+}
+
+template <class A>
+void Fields(A& a, Like<ImportOptions, A>& s) {
+  auto& [interfaces, base, modes, modes_by_step, mode_choice, stiffness_scale, pd, joint_pd, keyframe,
+         base_pose, joint_coordinates, keep_start, ground, ground_height, packages] = s;
+  a("interfaces", interfaces), a("base", base), a("modes", modes), a("modes_by_step", modes_by_step);
+  a("mode_choice", mode_choice), a("stiffness_scale", stiffness_scale), a("pd", pd), a("joint_pd", joint_pd);
+  a("keyframe", keyframe), a("base_pose", base_pose), a("joint_coordinates", joint_coordinates);
+  a("keep_start", keep_start), a("ground", ground), a("ground_height", ground_height),
+      a("packages", packages);
+}
+
+template <class A>
 void Fields(A& a, Like<ContactSolverOptions, A>& s) {
   auto& [tolerance, max_newton_iterations, most_give] = s;
   a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations), a("most_give", most_give);

@@ -174,6 +174,7 @@ ModelText WriteScene(const Scene& scene) { return internal::Write(scene); }
 ModelText WriteImportedScene(const ImportedScene& imported) { return internal::Write(imported); }
 ModelText WriteMechanism(const MechanismDef& definition) { return internal::Write(definition); }
 std::string WriteOptions(const SimulationOptions& options) { return internal::Write(options).json; }
+std::string WriteImportOptions(const ImportOptions& options) { return internal::Write(options).json; }
 
 Expected<Scene> ReadScene(const ModelText& text, const std::string& where) {
   return internal::Read<Scene>(text, where);
@@ -186,6 +187,9 @@ Expected<MechanismDef> ReadMechanism(const ModelText& text, const std::string& w
 }
 Expected<SimulationOptions> ReadOptions(const std::string& json, const std::string& where) {
   return internal::Read<SimulationOptions>(ModelText{json, {}, {}, {}}, where);
+}
+Expected<ImportOptions> ReadImportOptions(const std::string& json, const std::string& where) {
+  return internal::Read<ImportOptions>(ModelText{json, {}, {}, {}}, where);
 }
 
 }  // namespace fork1s

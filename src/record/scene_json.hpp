@@ -26,6 +26,7 @@ ModelText WriteScene(const Scene& scene);
 ModelText WriteImportedScene(const ImportedScene& imported);
 ModelText WriteMechanism(const MechanismDef& definition);
 std::string WriteOptions(const SimulationOptions& options);
+std::string WriteImportOptions(const ImportOptions& options);
 
 /// Errors (kFormat): text that is no JSON, or a member that is missing or of the wrong type, named by its
 /// path such as "mechanisms[0].bodies[3].inertia.mass". `where` opens the message, such as a file name.
@@ -34,5 +35,6 @@ Expected<Scene> ReadScene(const ModelText& text, const std::string& where);
 Expected<ImportedScene> ReadImportedScene(const ModelText& text, const std::string& where);
 Expected<MechanismDef> ReadMechanism(const ModelText& text, const std::string& where);
 Expected<SimulationOptions> ReadOptions(const std::string& json, const std::string& where);
+Expected<ImportOptions> ReadImportOptions(const std::string& json, const std::string& where);
 
 }  // namespace fork1s

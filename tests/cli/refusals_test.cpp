@@ -70,6 +70,39 @@ TEST(Hidden, UnsprungJointIsNamed) {
   EXPECT_EQ(Fork1s("reduce --interface tip,loose " + joined).code, 0);
 }
 
+// Two springs of 10 N·m/rad in series about one axis, and no mass between them, turn 0.004 kg·m² at 5.627 Hz.
+TEST(Hidden, CoincidentSprungJointsActInSeries) {
+  const std::string model = Write(
+      "coincident.xml",
+      "<mujoco><worldbody><body name=\"a\"><joint name=\"j1\" axis=\"0 0 1\" stiffness=\"10\"/><joint name=\"j2\" "
+      "axis=\"0 0 1\" stiffness=\"10\"/><geom size=\".1\" mass=\"1\"/></body></worldbody></mujoco>");
+  const Outcome reduced = Fork1s("reduce --json " + model);
+  ASSERT_EQ(reduced.code, 0) << reduced.err;
+  EXPECT_NEAR(reduced.Json()["frequencies_hz"]["reduced"][0].get<double>(), 5.626976975981913, 1e-9);
+  EXPECT_EQ(Fork1s("run --time 0.1 " + model).code, 0);
+}
+
+// Three springs of 100 N·m/rad in series between links of 100, 1e-9 and 100 kg.
+TEST(Hidden, MasslessLinksBetweenHeavyOnesAreSimulated) {
+  const auto link = [](const std::string& name, const std::string& at, const char* mass, const char* inertia,
+                       const std::string& inner) {
+    return "<body name=\"" + name + "\" pos=\"" + at + "\"><inertial pos=\"0 0 0\" mass=\"" + mass +
+           "\" diaginertia=\"" + inertia + "\"/><joint name=\"j_" + name +
+           "\" axis=\"0 1 0\" stiffness=\"100\" damping=\"1\"/><geom size=\".02\"/>" + inner + "</body>";
+  };
+  const std::string model = Write("massless.xml", "<mujoco><option gravity=\"0 0 0\"/><worldbody>" +
+                                                      link("a", "0 0 1", "100", "1 1 1",
+                                                           link("mid", ".5 0 0", "1e-9", "1e-12 1e-12 1e-12",
+                                                                link("b", ".1 0 0", "100", "1 1 1", ""))) +
+                                                      "</worldbody></mujoco>");
+  const Outcome reduced = Fork1s("reduce --json " + model);
+  ASSERT_EQ(reduced.code, 0) << reduced.err;
+  EXPECT_NEAR(reduced.Json()["compliance_world"][1][1].get<double>(), 3 / 100.0, 1e-9);
+  EXPECT_EQ(Fork1s("run --time 0.1 " + model).code, 0);
+  const Outcome compared = Fork1s("compare --json --time 0.1 " + model);
+  EXPECT_EQ(compared.code, 0) << compared.err;
+}
+
 TEST(Usage, ExitCodeTwo) {
   const std::string model = Write("finger.xml", FingerModel());
   for (const std::string& arguments :

@@ -6,10 +6,10 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
-#include <filesystem>
 #include <fork1s/record/recording.hpp>
 #include <fstream>
 
+#include "corpus.hpp"
 #include "foreign_leaks.hpp"
 #include "fuzz.hpp"
 #include "mutate.hpp"
@@ -31,20 +31,6 @@ extern "C" void KeepInput(int signal) {
   }
   std::signal(signal, SIG_DFL);
   raise(signal);
-}
-
-std::vector<std::string> Corpus(const std::string& target) {
-  std::vector<std::filesystem::path> paths;
-  for (const auto& entry :
-       std::filesystem::directory_iterator(FORK1S_SOURCE_DIR "/tests/fuzz/corpus/" + target))
-    paths.push_back(entry.path());
-  std::sort(paths.begin(), paths.end());
-  std::vector<std::string> inputs;
-  for (const auto& path : paths) {
-    std::ifstream in(path, std::ios::binary);
-    inputs.emplace_back(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
-  }
-  return inputs;
 }
 
 void Try(const Registered& target, const std::string& input) {

@@ -149,7 +149,9 @@ def test_alone(environment):
     assert not (packages / "mujoco").exists()
     assert {p.name.partition("-")[0].partition(".")[0] for p in packages.iterdir()} == {"fork1s", "numpy"}
     # The license of each library that the wheel carries: MuJoCo's, and those of Debian's packages.
-    assert len(list((packages / "fork1s" / "lib").glob("LICENSE*"))) == 2
+    lib = packages / "fork1s" / "lib"
+    assert len(list(lib.glob("LICENSE*"))) == 2
+    assert {p.name for p in (lib / "licenses").iterdir()} == {"nanobind.txt", "robin_map.txt"}
     info = next(packages.glob("fork1s-*.dist-info"))
     carried = json.loads((info / "sboms" / "auditwheel.cdx.json").read_text())["components"]
     licenses = {p.stem for p in (info / "licenses").iterdir() if p.stat().st_size}

@@ -14,6 +14,7 @@
 #include "importer/mujoco_import.hpp"
 #include "mechanism/names.hpp"
 #include "model.hpp"
+#include "record/child_reader.hpp"
 #include "released_gil.hpp"
 
 namespace fork1s::python {
@@ -82,6 +83,19 @@ void BindLoad(nb::module_& m) {
         return Model::Create(LoadMechanism(path, options), path, options);
       },
       nb::arg("path"), nb::arg("options"));
+  m.def(
+      "load_file_in_child",
+      [](const std::string& path, const nb::dict& given, const std::string& program, const Real& read_time) {
+        const ImportOptions options = ReadOptions(given);
+        const ChildReader reader{program, read_time.Read("read_time"), "read_time"};
+        if (!(reader.max_time > 0)) throw Refused{{ErrorCode::kUsage, "read_time", "must be above 0 s"}};
+        ReleasedGil others_run;
+        auto imported =
+            ReadInChild(reader, path, options, [&] { return others_run.IsPauseDue() && others_run.Pause(); });
+        others_run.ThrowIfInterrupted();
+        return Model::Create(std::move(imported), path, options);
+      },
+      nb::arg("path"), nb::arg("options"), nb::arg("program"), nb::arg("read_time"));
   m.def(
       "load_text",
       [](const std::string& text, const std::string& name, const nb::dict& given) {
