@@ -12,7 +12,7 @@
 
 #include "base/percentile.hpp"
 #include "record/output_file.hpp"
-#include "study/stability.hpp"
+#include "study/stable_runs.hpp"
 
 namespace fork1s {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "diagnostics/point_response.hpp"
 #include "server/pull_spring.hpp"
-#include "stepping/point_response.hpp"
 
 namespace fork1s {
 PointSpring PullSpring(const Simulation& simulation, int body, const Vector3& point_B,

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fork1s/mechanism/kinematics.hpp>
 
+#include "diagnostics/closure_forces.hpp"
 #include "hold.hpp"
 #include "hold_shares.hpp"
 
@@ -239,7 +240,7 @@ std::vector<HoldForce> Simulation::HoldForces() const {
       }
       row += rows;
     }
-    const auto balance = [&](const VectorX& x) { return m.ClosureForces(dt_, contacts_R, x); };
+    const auto balance = [&](const VectorX& x) { return ClosureForces(m, dt_, contacts_R, x); };
     const VectorX forces = internal::ShareWithinFriction(balance(near), shares, balance);
     const double largest = forces.size() > 0 ? forces.cwiseAbs().maxCoeff() : 0;
     row = 0;

@@ -17,18 +17,18 @@
 namespace fork1s {
 namespace {
 
-// c of a control whose force is along ws.jump.force [r].
+// c of a control whose force is along ws.scratch.jump.force [r].
 double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
   const auto& [model, state, ws] = here;
   const int r = model.size();
   ws.scratch.rhs.setZero(model.num_velocities());
-  ws.scratch.rhs.tail(r) = ws.jump.force;
+  ws.scratch.rhs.tail(r) = ws.scratch.jump.force;
   ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
-  const double whole = ws.jump.force.dot(ws.scratch.rhs.tail(r));
+  const double whole = ws.scratch.jump.force.dot(ws.scratch.rhs.tail(r));
   ws.scratch.solved.noalias() = ws.mass.M * ws.scratch.rhs;
   const double mass = ws.scratch.rhs.dot(ws.scratch.solved) / whole;
-  ws.jump.damper_force.noalias() = model.reduced->D * ws.scratch.rhs.tail(r);
-  const double damping = b * ws.scratch.rhs.tail(r).dot(ws.jump.damper_force) / whole,
+  ws.scratch.jump.damper_force.noalias() = model.reduced->D * ws.scratch.rhs.tail(r);
+  const double damping = b * ws.scratch.rhs.tail(r).dot(ws.scratch.jump.damper_force) / whole,
                stiffness = 1 - mass - damping;
   const double followed = onward * stiffness * (1 + mass - stiffness);
   // Not so for a control that moves nothing, whose ratios are no numbers.
@@ -43,15 +43,16 @@ void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, 
   ws.stage.v_k = ws.x;
   StartStageMatrix(here, b);
   if (!ws.matrix.is_definite) return;
-  ws.jump.control.setZero(start.controls.size());
+  ws.scratch.jump.control.setZero(start.controls.size());
   for (Eigen::Index i = 0; i < start.controls.size(); ++i) {
     const double jump = start.controls(i) - start.controls_from(i);
     if (jump == 0) continue;
-    ws.jump.control(i) = jump;
-    ws.jump.tau.setZero();
-    AddControlForce(model.mechanism(), ws.configuration.kinematics, ws.jump.control, ws.jump.tau);
-    ws.jump.control(i) = 0;
-    ws.jump.force.noalias() = ws.Q_now().transpose() * ws.jump.tau;
+    ws.scratch.jump.control(i) = jump;
+    ws.scratch.jump.tau.setZero();
+    AddControlForce(model.mechanism(), ws.configuration.kinematics, ws.scratch.jump.control,
+                    ws.scratch.jump.tau);
+    ws.scratch.jump.control(i) = 0;
+    ws.scratch.jump.force.noalias() = ws.Q_now().transpose() * ws.scratch.jump.tau;
     state.controls(i) -= (1 - ShareInFirstStage(here, b, onward)) * jump;
   }
 }

@@ -119,11 +119,11 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
     ws.floating.center_W = state.reduced.X_WR * CenterOf(ws.mass.M_00);
     ws.floating.linear_W = state.reduced.X_WR.rotation() * p.tail<3>();
   }
-  ws.drift_W.setZero();
-  if (model.base_size > 0) ws.drift_W = ws.floating.linear_W / ws.mass.M_00(5, 5);
+  ws.start.drift_W.setZero();
+  if (model.base_size > 0) ws.start.drift_W = ws.floating.linear_W / ws.mass.M_00(5, 5);
   if (model.mechanism().base() == BaseKind::kDriven) {
     ws.driven.path = PathOfBase(state, h);
-    ws.drift_W = ws.driven.path.MeanRate().tail<3>();
+    ws.start.drift_W = ws.driven.path.MeanRate().tail<3>();
     if (ws.driven.path.jumps) state.reduced.V_R = BaseTwist(ws.driven.path, 0, state.reduced.X_WR);
     if (ws.driven.path.jumps && r > 0) {
       ws.driven.velocity_jump.noalias() = ws.mass.M_0z.transpose() * (ws.start.V_R - state.reduced.V_R);

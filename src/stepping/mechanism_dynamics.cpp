@@ -110,9 +110,6 @@ double MechanismDynamics::PotentialEnergy(const Vector3& gravity_W) const {
   return fork1s::PotentialEnergy(*this, gravity_W);
 }
 double MechanismDynamics::ClosureGapNow() const { return fork1s::ClosureGapNow(*this); }
-VectorX MechanismDynamics::ClosureForces(double h, const Matrix6X& contacts_R, const VectorX& near) const {
-  return fork1s::ClosureForces(*this, h, contacts_R, near);
-}
 RigidTransform MechanismDynamics::BodyPose(BodyIndex b) const { return fork1s::BodyPose(*this, b); }
 void MechanismDynamics::BodyPoses(std::vector<RigidTransform>& X_RB) const { fork1s::BodyPoses(*this, X_RB); }
 Vector6 MechanismDynamics::BodyVelocity(BodyIndex b) const { return fork1s::BodyVelocity(*this, b); }

@@ -22,7 +22,7 @@ void Renew(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   ws.configuration = Configuration(*model.reduced);
   ws.jacobian = ReducedJacobian(*model.reduced);
-  ws.inertia = ReducedInertia(*model.reduced);
+  ws.mass.inertia = ReducedInertia(*model.reduced);
   Size(here);
 }
 
@@ -70,7 +70,7 @@ void Size(const MechanismStep& here) {
   ws.forces.f_z.resize(r);
   ws.forces.g.resize(n);
   ws.forces.tau.resize(n);
-  ws.jump.control.resize(state.controls.size());
+  ws.scratch.jump.control.resize(state.controls.size());
   ws.forces.F.resize(6, m.num_bodies());
   ws.loads.K.resize(nx, nx);
   ws.point_spring.J.resize(3, nx);
@@ -88,9 +88,9 @@ void Size(const MechanismStep& here) {
   if (ws.start.q_dot.size() != n) ws.start.q_dot.setZero(n);  // a new reference keeps it for ClosureForces
   ws.velocities.joint.setZero(n);
   for (VectorX* v : {&ws.velocities.w, &ws.switched.way, &ws.momentum_change.reduced,
-                     &ws.driven.velocity_jump, &ws.jump.force, &ws.jump.damper_force})
+                     &ws.driven.velocity_jump, &ws.scratch.jump.force, &ws.scratch.jump.damper_force})
     v->setZero(r);
-  for (VectorX* v : {&ws.momentum_change.joint, &ws.jump.tau, &ws.missing.load, &ws.missing.inertia})
+  for (VectorX* v : {&ws.momentum_change.joint, &ws.scratch.jump.tau, &ws.missing.load, &ws.missing.inertia})
     v->setZero(n);
   ws.momentum_change.parts.resize(6, model.rigid_parts.size());
   ws.momentum_change.part_impulses.setZero(3, model.rigid_parts.size());
@@ -102,8 +102,8 @@ void UpdateMassMatrix(const MechanismStep& here) {
   const auto& [model, state, ws] = here;
   if (ws.expansion.in_use) return ComputeExpandedMass(here);
   const int r = model.size();
-  ws.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
-                     ws.mass.M.bottomRightCorner(r, r), ws.mass.M_0z, ws.mass.M_00);
+  ws.mass.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
+                          ws.mass.M.bottomRightCorner(r, r), ws.mass.M_0z, ws.mass.M_00);
   if (model.base_size > 0) {
     ws.mass.M.topLeftCorner<6, 6>() = ws.mass.M_00;
     ws.mass.M.topRightCorner(6, r) = ws.mass.M_0z;

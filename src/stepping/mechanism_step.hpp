@@ -3,7 +3,7 @@
 // docs/method.md, section 5. A step is one implicit stage or two (implicit_stage.cpp).
 //
 // Functions here read a const model, move a state of plain values, and keep in a workspace what follows from
-// the two and what one step alone needs. The workspace's insides are known to src/stepping alone.
+// the two and what one step alone needs. Only src/stepping changes the workspace; src/diagnostics reads it.
 #pragma once
 
 #include <fork1s/stepping/linearization_drift.hpp>
@@ -213,8 +213,6 @@ double KineticEnergy(const MechanismView& here);
 /// Springs, controls and gravity at the present pose [J].
 double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W);
 double ClosureGapNow(const MechanismView& here);
-/// As MechanismDynamics::ClosureForces.
-VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near);
 bool IsFinite(const MechanismView& here);
 bool PosesAreFinite(const MechanismView& here);
 /// What the loops are open by at the pose at hand [rad and m]; 0 between expansions, where nobody closes

@@ -39,10 +39,13 @@ struct StageBase {
 
 /// Inertia at a pose.
 struct MassAtPose {
+  explicit MassAtPose(const ReducedModel& model) : inertia(model) {}
+
   MatrixX M;     // num_velocities²
   Matrix6 M_00;  // of the base
   Matrix6X M_0z;
-  Cholesky factor;  // scratch of whoever solves by M
+  Cholesky factor;         // scratch of whoever solves by M
+  ReducedInertia inertia;  // scratch of Compute
 };
 
 /// Where a step starts.
@@ -52,7 +55,8 @@ struct StepStart {
   VectorX q_dot;                  // n
   VectorX x;                      // num_velocities
   StageBase base;
-  bool by_expansion = false;  // the step, or its last part
+  Vector3 drift_W = Vector3::Zero();  // m/s, of the point that momenta are taken about
+  bool by_expansion = false;          // the step, or its last part
 };
 
 /// The stage at hand; (1) and (2) of implicit_stage.cpp.
@@ -209,6 +213,7 @@ struct DrivenBase {
 
 /// Scratch of one function at a time.
 struct Scratch {
+  ControlJump jump;
   VectorX rhs, solved;       // num_velocities: right side of a linear system, solution
   VectorX length_row;        // r: rate of a length per unit of the rates
   RowMatrixX rotation_rows;  // E Q_θ of damped rotations, three rows each
@@ -217,7 +222,7 @@ struct Scratch {
 /// Sizes: n joint coordinates, r reduced ones, k rigid parts.
 struct MechanismWorkspace {
   explicit MechanismWorkspace(const MechanismModel& model)
-      : configuration(*model.reduced), jacobian(*model.reduced), inertia(*model.reduced) {}
+      : configuration(*model.reduced), jacobian(*model.reduced), mass(*model.reduced) {}
 
   /// Rows of coordinates that nobody names are those of the expansion, where the pose is told by one.
   const RowMatrixX& Q_now() const { return expansion.in_use ? expansion.pose.Q : configuration.Q_now; }
@@ -229,7 +234,6 @@ struct MechanismWorkspace {
   mutable Configuration configuration;
   mutable PoseFlag has_exact_pose;
   ReducedJacobian jacobian;  // of configuration
-  ReducedInertia inertia;    // scratch of mass
   MassAtPose mass;
   ForcesAtPose forces;
   VelocitiesAtPose velocities;
@@ -240,7 +244,6 @@ struct MechanismWorkspace {
 
   VectorX x;  // num_velocities: the velocity at hand
   DrivenBase driven;
-  Vector3 drift_W = Vector3::Zero();  // m/s, of the point that momenta are taken about
   StepStart start;
   FloatingMotion floating;
   StageStart stage_start;
@@ -249,7 +252,6 @@ struct MechanismWorkspace {
   SwitchedForces switched;
   LoadStiffness loads;
   MissingLoad missing;
-  ControlJump jump;
 
   Scratch scratch;
 };

@@ -27,8 +27,8 @@ struct MomentumFrame {
 MomentumFrame FrameOf(const MechanismStep& here, double time) {
   const auto& [model, state, ws] = here;
   const Matrix3 R_T = state.reduced.X_WR.rotation().transpose();
-  return {R_T * (ws.start.X_WR.translation() + time * ws.drift_W - state.reduced.X_WR.translation()),
-          R_T * ws.drift_W, ws.start.X_WR.rotation().transpose() * state.reduced.X_WR.rotation()};
+  return {R_T * (ws.start.X_WR.translation() + time * ws.start.drift_W - state.reduced.X_WR.translation()),
+          R_T * ws.start.drift_W, ws.start.X_WR.rotation().transpose() * state.reduced.X_WR.rotation()};
 }
 
 // momentum_change.parts <- momenta of `base` as wrenches in R about R's origin at the pose at hand.
@@ -147,7 +147,7 @@ void ComputeMomentumResidual(const MechanismStep& here, double time, const Stage
 Vector3 LinearMomentum(const MechanismStep& here, const StageBase& of) {
   const auto& [model, state, ws] = here;
   if (model.base_size == 0) return Vector3::Zero();
-  return ws.start.X_WR.rotation() * Total(of).tail<3>() + ws.mass.M_00(5, 5) * ws.drift_W;
+  return ws.start.X_WR.rotation() * Total(of).tail<3>() + ws.mass.M_00(5, 5) * ws.start.drift_W;
 }
 
 }  // namespace fork1s

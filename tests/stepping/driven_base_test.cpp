@@ -4,6 +4,8 @@
 #include <functional>
 #include <stepping/support.hpp>
 
+#include "stepping/mechanism_step.hpp"
+
 namespace fork1s::driven_base_test {
 namespace {
 

@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <functional>
 
+#include "diagnostics/closure_forces.hpp"
+#include "diagnostics/point_response.hpp"
 #include "stepping/mechanism_model.hpp"
-#include "stepping/point_response.hpp"
 
 namespace fork1s {
 namespace {
@@ -209,8 +210,8 @@ TEST(Expanded, ClosuresBearWhatTheyDoByExactPoses) {
       World world = swing.Start(recovery);
       for (int i = 0; i < 20; ++i) world.Step(swing.step);
       const MechanismDynamics& m = world.mechanisms()[0];
-      return m.ClosureForces(swing.step.h, Matrix6X::Zero(6, m.mechanism().num_bodies()),
-                             VectorX::Zero(m.mechanism().num_constraints()));
+      return ClosureForces(m, swing.step.h, Matrix6X::Zero(6, m.mechanism().num_bodies()),
+                           VectorX::Zero(m.mechanism().num_constraints()));
     };
     const VectorX exact = forces(Recovery::kExact);
     // Accelerations are differences of rates that are known to second order.

@@ -1,4 +1,4 @@
-#include "stepping/point_response.hpp"
+#include "diagnostics/point_response.hpp"
 
 #include <stepping/support.hpp>
 

@@ -1,9 +1,9 @@
-#include "stepping/point_response.hpp"
+#include "point_response.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "mechanism_detail.hpp"
+#include "stepping/mechanism_detail.hpp"
 
 namespace fork1s {
 namespace {

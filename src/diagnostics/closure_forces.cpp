@@ -1,10 +1,11 @@
-// What loops bear: the multipliers of the rigid closures.
+#include "closure_forces.hpp"
+
 #include <algorithm>
 #include <limits>
 
 #include "linalg/products.hpp"
 #include "linalg/solve.hpp"
-#include "mechanism_detail.hpp"
+#include "stepping/mechanism_detail.hpp"
 
 namespace fork1s {
 
