@@ -14,6 +14,10 @@ namespace {
 // Where a joint has turned so far since the expansion, what is left out is below the error of a step of 1/60 s, in scenes
 // with and without contact (docs/method.md, section 2). Slides: this share of the mechanism's length.
 constexpr double kFar = 0.14;  // rad, 8 degrees
+// The error of a step grows with speed, that of an expansion with the distance alone: slow joints are expanded again after
+// as many steps, or as soon as they have turned by this share of kFar. At rest that is once.
+constexpr double kStepsBetween = 120;
+constexpr double kNear = 1.0 / 16;
 // An expansion costs as much as some steps by exact poses: where fewer steps go by it, or fewer than twice as many by the
 // next one, it is not made.
 constexpr double kStepsThatPay = 6;
@@ -61,9 +65,10 @@ void ResetConfiguration(const MechanismStep& here) {
   here.work.configuration.foresees = false;
 }
 
-bool IsFar(const MechanismStep& here) {
+// `farthest`: share of kFar by which joints may have turned.
+bool IsFar(const MechanismStep& here, double farthest) {
   const MechanismWorkspace& ws = here.work;
-  return FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) > 1 ||
+  return FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) > farthest ||
          InertiaChange(here) > kInertiaChanged;
 }
 
@@ -77,7 +82,7 @@ void DropExpansion(const MechanismStep& here) {
 }  // namespace
 
 void DropExpansionIfFar(const MechanismStep& here) {
-  if (here.work.expansion.in_use && IsFar(here)) DropExpansion(here);
+  if (here.work.expansion.in_use && IsFar(here, 1)) DropExpansion(here);
 }
 
 void UseExactPose(const MechanismStep& here) {
@@ -137,7 +142,8 @@ bool UpdateExpansion(const MechanismStep& here, double h) {
     DropExpansion(here);
     return false;
   }
-  const bool expands = ws.expansion.in_use ? IsFar(here) : 2 * kStepsThatPay * turn < 1;
+  const bool expands = ws.expansion.in_use ? IsFar(here, std::clamp(kStepsBetween * turn, kNear, 1.0))
+                                           : 2 * kStepsThatPay * turn < 1;
   if (expands)
     ChangeEvaluator(here, [&] {
       Expand(here);

@@ -126,9 +126,9 @@ LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Ma
   const auto& [model, state, ws] = here;
   if (!model.reduced->has_complement) return {};
   const Mechanism& m = model.mechanism();
-  const Kinematics& kinematics = ws.configuration.kinematics;
+  const Kinematics& kinematics = ConfigurationOf(here).kinematics;
   state.reference_age += h;
-  if (ws.expansion.in_use) EvaluateExactForces(here);
+  if (ws.start.by_expansion) EvaluateExactForces(here);
   ws.forces.F = contact_impulses_R / ws.stage.length;
   AddAppliedWrenches(here, ws.forces.F);  // a point spring; loads of the step are in g
   ws.missing.load = ws.forces.g;

@@ -24,10 +24,9 @@ void RefreshIfStale(std::size_t i, double h, const Detection& detection, const C
                     MechanismDynamics& m, RefreshState& refresh) {
   refresh.result = 0;
   refresh.drift = m.ComputeLinearizationDrift();
-  const bool knows_joint_forces = !m.is_expanded();  // of the step
   refresh.by_expansion = m.went_by_expansion();
   refresh.expanded = !(refresh.drift.share > 1) && UpdateExpansion(m, h);
-  if (!(refresh.drift.share > 1) && m.model().has_complement && (refresh.expanded || knows_joint_forces)) {
+  if (!(refresh.drift.share > 1) && m.model().has_complement && (refresh.expanded || !refresh.by_expansion)) {
     GatherContactImpulses(i, m, detection, rows, refresh);
     refresh.drift = FindMissingLoad(m, h, refresh.contact_impulses_R);
   }
