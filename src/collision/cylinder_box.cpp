@@ -99,7 +99,7 @@ class Search {
     // In penetration another pair of features may be less deep.
     if (gap >= margin || (certain && gap > 0)) return true;
     const Vector3 near = NearestByProjections();
-    for (int k = 0; k < 8; ++k) TryCorner(Corner(b_, k));
+    TryCorner(DeepestCorner(b_, near));
     if (gap >= margin || (certain && gap > 0)) return true;
     const double side_near = (near - c_).dot(a_) < 0 ? -1 : 1;
     for (int i = 0; i < 3 && most_ > enough_; ++i) {
@@ -107,6 +107,8 @@ class Search {
       edge[i] = 0;
       if ((edge.cwiseAbs() + b_[i] * Vector3::Unit(i)) == b_) TryEdgeOnRim(i, edge, side_near);
     }
+    if (gap >= margin || (certain && gap > 0)) return true;
+    for (int k = 0; k < 8; ++k) TryCorner(Corner(b_, k));
     if (gap >= margin || (certain && gap > 0)) return true;
     // No pair of features that gives more lies farther apart.
     const double within = std::max(most_, -gap + enough_);
