@@ -1,10 +1,7 @@
 #include "cylinder_box.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <numbers>
-#include <utility>
 
 #include "box_features.hpp"
 
@@ -22,15 +19,64 @@ constexpr double kCertain = 1e-10;   // d - s(n), as a share of both sizes
 constexpr double kAside = 1e-6;      // of y - x beside n, likewise: squared it is what the gap is off by
 constexpr int kNewtonSteps = 50, kProjections = 10;
 
-// Angles about a rim with their cosines and sines.
-constexpr int kNumSamples = 64;
-constexpr double kSampleStep = 2 * std::numbers::pi / kNumSamples;
-const std::array<std::pair<double, double>, kNumSamples> kSamples = [] {
-  std::array<std::pair<double, double>, kNumSamples> out;
-  for (int k = 0; k < kNumSamples; ++k)
-    out[static_cast<std::size_t>(k)] = {std::cos(k * kSampleStep), std::sin(k * kSampleStep)};
-  return out;
-}();
+constexpr double kConverged =
+    1e-8;  // Newton's step [rad], whose square is what the root is off by afterwards
+
+// f(φ) = A cos φ + B sin φ + C cos φ sin φ, φ as (cos φ, sin φ).
+struct RimEquation {
+  double A, B, C;
+
+  double Evaluate(const Vector2& p) const { return A * p.x() + B * p.y() + C * p.x() * p.y(); }
+  double Derivative(const Vector2& p) const {
+    return B * p.x() - A * p.y() + C * (p.x() * p.x() - p.y() * p.y());
+  }
+
+  // act(root) for each of the up to four. f / (cos φ sin φ) = A / sin φ + B / cos φ + C has at most one extremum in a
+  // quadrant, where tan³ φ = A / B, so that on either side of it is at most one root.
+  template <class Act>
+  void ForRoots(const Act& act) const {
+    const Vector2 extremum = Vector2(std::cbrt(B), std::cbrt(A)).normalized();
+    Vector2 from = Vector2::UnitX();
+    for (int quadrant = 0; quadrant < 4; ++quadrant) {
+      const Vector2 to(-from.y(), from.x());
+      if (Evaluate(from) == 0) act(from);
+      const double along_from = extremum.dot(from), along_to = extremum.dot(to);
+      if (along_from * along_to > 0) {
+        const Vector2 between = std::copysign(1, along_from) * extremum;
+        FindBetween(from, between, act);
+        FindBetween(between, to, act);
+      } else {
+        FindBetween(from, to, act);
+      }
+      from = to;
+    }
+  }
+
+  // By Newton's method in the tangent t of half the angle from `from` on, at most 90 degrees.
+  template <class Act>
+  void FindBetween(const Vector2& from, const Vector2& to, const Act& act) const {
+    const double f_from = Evaluate(from), f_to = Evaluate(to);
+    // A root at an end is not meant.
+    const bool is_below = (f_from == 0 ? Derivative(from) : f_from) < 0;
+    if (is_below == ((f_to == 0 ? -Derivative(to) : f_to) < 0)) return;
+    double low = 0, high = (from.x() * to.y() - from.y() * to.x()) / (1 + from.dot(to));
+    double t = high * (f_from * f_to < 0 ? f_from / (f_from - f_to) : 0.5);
+    Vector2 p;
+    for (int step = 0; step < kNewtonSteps; ++step) {
+      const double scale = 1 / (1 + t * t), cosine = (1 - t * t) * scale, sine = 2 * t * scale;
+      p = {cosine * from.x() - sine * from.y(), cosine * from.y() + sine * from.x()};
+      const double f = Evaluate(p), change = -f / Derivative(p);
+      if (std::abs(change) < kConverged) {
+        p += change * Vector2(-p.y(), p.x());
+        break;
+      }
+      ((f < 0) == is_below ? low : high) = t;
+      t += 0.5 * change / scale;
+      if (!(t > low && t < high)) t = 0.5 * (low + high);
+    }
+    act(p);
+  }
+};
 
 class Search {
  public:
@@ -53,7 +99,7 @@ class Search {
     // In penetration another pair of features may be less deep.
     if (gap >= margin || (certain && gap > 0)) return true;
     const Vector3 near = NearestByProjections();
-    for (int k = 0; k < 8; ++k) TryCorner(Corner(b_, k));
+    TryCorner(DeepestCorner(b_, near));
     if (gap >= margin || (certain && gap > 0)) return true;
     const double side_near = (near - c_).dot(a_) < 0 ? -1 : 1;
     for (int i = 0; i < 3 && most_ > enough_; ++i) {
@@ -61,6 +107,8 @@ class Search {
       edge[i] = 0;
       if ((edge.cwiseAbs() + b_[i] * Vector3::Unit(i)) == b_) TryEdgeOnRim(i, edge, side_near);
     }
+    if (gap >= margin || (certain && gap > 0)) return true;
+    for (int k = 0; k < 8; ++k) TryCorner(Corner(b_, k));
     if (gap >= margin || (certain && gap > 0)) return true;
     // No pair of features that gives more lies farther apart.
     const double within = std::max(most_, -gap + enough_);
@@ -186,7 +234,7 @@ class Search {
       Certify(c_ + along * a_ + r_ * e, corner);
     for (const double side : {-1.0, 1.0}) {
       const double past_rim = distance - r_, past_end = side * along - l_,
-                   d = std::copysign(std::hypot(past_rim, past_end), past_rim + past_end);
+                   d = std::copysign(Vector2(past_rim, past_end).norm(), past_rim + past_end);
       if (past_rim * past_end < 0 || d == 0 || !MayBeMore(d)) continue;
       const Vector3 x = c_ + side * l_ * a_ + r_ * e;
       if (IsBetter((corner - x) / d)) Certify(x, corner);
@@ -197,12 +245,13 @@ class Search {
   Vector3 NearestByProjections() {
     Vector3 x = c_, y = x.cwiseMin(b_).cwiseMax(-b_);
     for (int k = 0; k < kProjections; ++k) {
-      const Vector3 w = y - c_;
+      const Vector3 w = y - c_, before = y;
       const double along = w.dot(a_);
       const Vector3 out = w - along * a_;
       const double distance = out.norm();
       x = c_ + std::clamp(along, -l_, l_) * a_ + (distance > r_ ? r_ / distance : 1) * out;
       y = x.cwiseMin(b_).cwiseMax(-b_);
+      if (y == before) break;
     }
     most_ = (y - x).norm() + enough_;
     return y;
@@ -230,47 +279,27 @@ class Search {
   }
 
   // The edge along axis i through `edge`, and a rim. With e and τ along radius and rim at an angle φ, and D from the edge
-  // to the rim's centre, the line between them is normal to both where D·τ = (u·D + r u·e) u·τ, at up to four angles.
+  // to the rim's centre, the line between them is normal to both where D·τ = (u·D + r u·e) u·τ. With φ from e₁ on, where
+  // the rim's plane has u, that is D·e₂ cos φ + (u·D u·e₁ - D·e₁) sin φ + r (u·e₁)² cos φ sin φ = 0.
   void TryEdgeOnRim(int i, const Vector3& edge, double side) {
-    const Vector3 u = Vector3::Unit(i), end = c_ + side * l_ * a_, D = end - edge;
-    const Vector3 first = a_.unitOrthogonal(), second = a_.cross(first);
-    const double uD = u.dot(D), u1 = first[i], u2 = second[i], D1 = D.dot(first), D2 = D.dot(second);
-    const auto at = [&](double cosine, double sine, double& slope) {
-      const double u_e = cosine * u1 + sine * u2, u_t = cosine * u2 - sine * u1,
-                   D_e = cosine * D1 + sine * D2;
-      slope = -D_e - r_ * u_t * u_t + (uD + r_ * u_e) * u_e;
-      return cosine * D2 - sine * D1 - (uD + r_ * u_e) * u_t;
-    };
-    // The root between two angles, f at the lower one below 0 or above it.
-    const auto try_between = [&](double low, double high, bool rises) {
-      double angle = 0.5 * (low + high), slope = 0;
-      for (int step = 0; step < kNewtonSteps && high - low > 1e-15; ++step) {
-        const double f = at(std::cos(angle), std::sin(angle), slope);
-        ((f < 0) == rises ? low : high) = angle;
-        const double next = angle - f / slope;
-        const double before = angle;
-        angle = next > low && next < high ? next : 0.5 * (low + high);
-        if (std::abs(angle - before) < 1e-15) break;
-      }
-      const Vector3 e = std::cos(angle) * first + std::sin(angle) * second;
-      const Vector3 x = end + r_ * e, y = edge + x[i] * u;
-      if (std::abs(x[i]) > b_[i]) return;
-      // Their common normal where they nearly meet, which leaves it unknown where edge and rim are parallel.
-      Vector3 n = y - x;
-      if (!(n.norm() > enough_)) n = u.cross(a_.cross(e));
-      const double length = n.norm();
-      if (!(length > 0)) return;
-      n /= n.dot(e) + side * n.dot(a_) < 0 ? -length : length;
-      if (MayBeMore(n.dot(y - x)) && IsBetter(n)) Certify(x, y);
-    };
-    double unused = 0, before = at(kSamples[0].first, kSamples[0].second, unused);
-    for (int k = 0; k < kNumSamples; ++k) {
-      const auto& [cosine, sine] = kSamples[static_cast<std::size_t>((k + 1) % kNumSamples)];
-      const double after = at(cosine, sine, unused);
-      if (before * after <= 0 && before != after)
-        try_between(k * kSampleStep, (k + 1) * kSampleStep, before < after);
-      before = after;
-    }
+    const Vector3 D = c_ + side * l_ * a_ - edge, across = a_.cross(Vector3(Vector3::Unit(i)));
+    const double sine = across.norm();
+    const Vector3 e2 = sine > kParallel ? Vector3(across / sine) : a_.unitOrthogonal(), e1 = e2.cross(a_);
+    const RimEquation equation{D.dot(e2), D[i] * e1[i] - D.dot(e1), r_ * e1[i] * e1[i]};
+    equation.ForRoots([&](const Vector2& p) { TryEdgeOnRimAt(i, edge, side, p.x() * e1 + p.y() * e2); });
+  }
+
+  // The same, where the rim's point lies along e from its centre.
+  void TryEdgeOnRimAt(int i, const Vector3& edge, double side, const Vector3& e) {
+    const Vector3 u = Vector3::Unit(i), x = c_ + side * l_ * a_ + r_ * e, y = edge + x[i] * u;
+    if (std::abs(x[i]) > b_[i]) return;
+    // Their common normal where they nearly meet, which leaves it unknown where edge and rim are parallel.
+    Vector3 n = y - x;
+    if (!(n.norm() > enough_)) n = u.cross(a_.cross(e));
+    const double length = n.norm();
+    if (!(length > 0)) return;
+    n /= n.dot(e) + side * n.dot(a_) < 0 ? -length : length;
+    if (MayBeMore(n.dot(y - x)) && IsBetter(n)) Certify(x, y);
   }
 
   const double r_, l_;
@@ -291,6 +320,18 @@ std::optional<Deepest> CylinderBox(double radius, double half_length, const Rigi
   if (search.gap >= margin) return out;
   out.normal = X_B.rotation() * search.normal;
   out.point = X_B * search.middle;
+  return out;
+}
+
+// The capsule's segment is a box without width. Its radius lessens s(n) by as much along every n.
+std::optional<Deepest> CylinderCapsule(double radius, double half_length, const RigidTransform& X_A,
+                                       double capsule_radius, double capsule_half_length,
+                                       const RigidTransform& X_B, double margin) {
+  std::optional<Deepest> out =
+      CylinderBox(radius, half_length, X_A, Vector3(0, 0, capsule_half_length), X_B, margin + capsule_radius);
+  if (!out) return out;
+  out->gap -= capsule_radius;
+  out->point -= 0.5 * capsule_radius * out->normal;
   return out;
 }
 

@@ -158,6 +158,17 @@ bool FindDeepest(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int
       return deepest.gap < margin;
     }
   }
+  if (m->geom_type[a] == mjGEOM_CAPSULE && m->geom_type[b] == mjGEOM_CYLINDER) {
+    const Posed capsule(m, d, a), cylinder(m, d, b);
+    const auto found = CylinderCapsule(
+        cylinder.size[0], cylinder.size[1], RigidTransform(Matrix3(cylinder.R), cylinder.p), capsule.size[0],
+        capsule.size[1], RigidTransform(Matrix3(capsule.R), capsule.p), margin);
+    if (found) {
+      deepest = *found;
+      deepest.normal = -found->normal;
+      return deepest.gap < margin;
+    }
+  }
   const OnePoint one(m);
   if (mujocos_convex(m, d, contacts, a, b, margin) == 0) return false;
   deepest.gap = contacts[0].dist;

@@ -120,59 +120,66 @@ double FewRows::Respond(const CompliantRows& rows) {
 
 // (1 + (D' − D) Q) step = −off, and what it does to w. Where D' = D the step is known at once.
 bool FewRows::FindStep() {
-  const auto count = static_cast<std::size_t>(count_);
   active_.clear();
-  std::fill(w_step_.begin(), w_step_.end(), 0.0);
-  const auto column = [&](int c) { return Q_.data() + static_cast<std::size_t>(c) * count; };
-  const auto add = [&](int c) {
-    const double* q = column(c);
-    const double step = step_[static_cast<std::size_t>(c)];
-    ByFours(count_, [&](const auto& at) { at(w_step_.data()) += step * at(q); });
+  changed_.clear();
+  w_step_.assign(stride_ + 4, 0.0);
+  // w_step_ += Q step of its rows
+  const auto add_response = [&](const Member& m) {
+    const std::size_t stride = stride_;
+    const double *q = ColumnOf(m.begin), *step = step_.data() + m.begin;
+    double* w = w_step_.data();
+    int left = m.size;
+    for (; left >= 3; left -= 3, q += 3 * stride, step += 3) {
+      const double s0 = step[0], s1 = step[1], s2 = step[2];
+      for (std::size_t i = 0; i < stride; i += 4) {
+        Quad sum = QuadAt(w + i);
+        sum += s0 * QuadAt(q + i);
+        sum += s1 * QuadAt(q + stride + i);
+        sum += s2 * QuadAt(q + 2 * stride + i);
+        QuadAt(w + i) = sum;
+      }
+    }
+    for (; left > 0; --left, q += stride, ++step)
+      for (std::size_t i = 0; i < stride; i += 4) QuadAt(w + i) += *step * QuadAt(q + i);
   };
   for (const Member& m : members_) {
-    const bool is_active = !m.more.isZero(0);
-    for (int i = m.begin; i < m.begin + m.size; ++i) {
+    for (int i = m.begin; i < m.begin + m.size; ++i)
       step_[static_cast<std::size_t>(i)] = -off_[static_cast<std::size_t>(i)];
-      if (is_active)
-        active_.push_back(i);
-      else
-        add(i);
+    if (m.more.topLeftCorner(m.size, m.size).isZero(0)) {
+      add_response(m);
+      continue;
     }
+    changed_.push_back(&m);
+    for (int i = m.begin; i < m.begin + m.size; ++i) active_.push_back(i);
   }
+  if (active_.empty()) return true;
   const std::size_t active = active_.size();
-  M_.resize(active * active);
-  right_.resize(active);
-  pivots_.resize(active);
-  std::size_t row = 0;
-  for (const Member& m : members_) {
-    if (row == active || active_[row] != m.begin) continue;
-    const Matrix3 E = m.more.topLeftCorner<3, 3>();
-    // E times three rows of a column, and so on for moments.
-    const auto by_more = [&](const double* q, double* to) {
-      if (m.size == 1) {
-        to[0] = E(0, 0) * q[0];
-        return;
+  // D' − D of the changed times their rows of a column. Four rows are written at a time: what is past a point's last
+  // the next point writes anew.
+  const auto by_changes = [&](const double* column, double* to) {
+    for (const Member* m : changed_) {
+      const double *q = column + m->begin, *E = m->more.data();
+      const int size = m->size;
+      if (size == 1) {
+        *to++ = *E * *q;
+        continue;
       }
-      Eigen::Map<Vector3>{to} = E.lazyProduct(Eigen::Map<const Vector3>(q));
-      for (int k = 3; k < m.size; ++k) to[k] = m.more(k, 0) * q[0] + m.more(k, k) * q[k];
-    };
-    for (std::size_t c = 0; c < active; ++c)
-      by_more(column(active_[c]) + m.begin, M_.data() + c * active + row);
-    by_more(w_step_.data() + m.begin, right_.data() + row);
-    row += static_cast<std::size_t>(m.size);
-  }
+      QuadAt(to) = q[0] * QuadAt(E) + (q[1] * QuadAt(E + 6) + q[2] * QuadAt(E + 12));
+      if (size > 3)  // moments: by their own turning, and by the normal speed
+        QuadAt(to + 3) = Quad(E[21], E[28], E[35], 0).cwiseProduct(QuadAt(q + 3)) + q[0] * QuadAt(E + 3);
+      to += size;
+    }
+  };
+  for (std::size_t c = 0; c < active; ++c) by_changes(ColumnOf(active_[c]), M_.data() + c * active);
+  by_changes(w_step_.data(), right_.data());
   for (std::size_t i = 0; i < active; ++i) {
     M_[i * (active + 1)] += 1;
     right_[i] = step_[static_cast<std::size_t>(active_[i])] - right_[i];
   }
-  if (active > 0) {
-    if (!FactorLu(M_.data(), static_cast<int>(active), pivots_.data())) return false;
-    SolveWithLu(M_.data(), static_cast<int>(active), pivots_.data(), right_.data());
-  }
-  for (std::size_t i = 0; i < active; ++i) {
-    step_[static_cast<std::size_t>(active_[i])] = right_[i];
-    add(active_[i]);
-  }
+  if (!FactorLu(M_.data(), static_cast<int>(active), pivots_.data())) return false;
+  SolveWithLu(M_.data(), static_cast<int>(active), pivots_.data(), right_.data());
+  for (std::size_t i = 0; i < active; ++i) step_[static_cast<std::size_t>(active_[i])] = right_[i];
+  for (const Member* m : changed_) add_response(*m);
   return true;
 }
 

@@ -30,10 +30,11 @@ void FewRows::Reserve(int freedoms) {
   s_.reserve(static_cast<std::size_t>(freedoms));
   ports_.reserve(2 * kMostRows);
   changes_.reserve(24 * 2 * kMostRows);
-  for (std::vector<double>* v : {&Q_, &M_}) v->reserve(kMostRows * kMostRows);
+  for (std::vector<double>* v : {&Q_, &M_}) v->reserve(kMostRows * kMostRows + 4);
   for (std::vector<double>* v :
        {&w_, &lambda_, &r_, &w_start_, &lambda_start_, &off_, &step_, &w_step_, &right_})
-    v->reserve(kMostRows);
+    v->reserve(kMostRows + 4);
+  changed_.reserve(kMostRows);
   for (std::vector<int>* v : {&pivots_, &active_}) v->reserve(kMostRows);
 }
 
@@ -109,6 +110,7 @@ bool FewRows::Gather(const CompliantRows& rows, double enough) {
 
 void FewRows::AddColumns(const CompliantRows& rows, DerivativeLu& lu) {
   const auto n = static_cast<std::size_t>(rows.freedoms()), count = static_cast<std::size_t>(count_);
+  stride_ = (count + 3) / 4 * 4;
   const auto port_at = [&](int place) -> const PortRows& {
     return rows.ports[static_cast<std::size_t>(ports_[static_cast<std::size_t>(place)])];
   };
@@ -126,7 +128,10 @@ void FewRows::AddColumns(const CompliantRows& rows, DerivativeLu& lu) {
       lu.SolveFour(rows, x);
     }
   }
-  Q_.resize(count * count);
+  Q_.assign(stride_ * count + 4, 0.0);
+  M_.resize(count * count + 4);
+  right_.resize(count + 4);
+  pivots_.resize(count);
   changes_.resize(24 * ports_.size());
   const double* x = X_.data();
   for (const Member& by : members_)
@@ -134,10 +139,10 @@ void FewRows::AddColumns(const CompliantRows& rows, DerivativeLu& lu) {
       for (std::size_t p = 0; p < ports_.size(); ++p)
         port_at(static_cast<int>(p)).FourChanges(x, changes_.data() + 24 * p);
       const int columns = std::min(by.size - 4 * g, 4);
-      double* q = Q_.data() + static_cast<std::size_t>(by.begin + 4 * g) * count;
+      double* q = Q_.data() + static_cast<std::size_t>(by.begin + 4 * g) * stride_;
       const auto set = [&](int row, const Quad& values) {
         for (int c = 0; c < columns; ++c)
-          q[static_cast<std::size_t>(c) * count + static_cast<std::size_t>(row)] = values[c];
+          q[static_cast<std::size_t>(c) * stride_ + static_cast<std::size_t>(row)] = values[c];
       };
       for (const Member& m : members_) {
         if (m.pair < 0) {
@@ -165,7 +170,7 @@ void FewRows::AddColumns(const CompliantRows& rows, DerivativeLu& lu) {
 
 // w and λ as they are; ports' changes are those of the last measurement.
 void FewRows::Read(const CompliantRows& rows) {
-  for (std::vector<double>* v : {&w_, &lambda_, &r_, &off_, &step_, &w_step_})
+  for (std::vector<double>* v : {&w_, &lambda_, &r_, &off_, &step_})
     v->assign(static_cast<std::size_t>(count_), 0.0);
   for (const Member& m : members_) {
     double *w = w_.data() + m.begin, *lambda = lambda_.data() + m.begin;

@@ -48,6 +48,7 @@ class FewRows {
   void AddColumns(const CompliantRows& rows, DerivativeLu& lu);
   double TakePieces(const CompliantRows& rows);
   double Respond(const CompliantRows& rows);
+  const double* ColumnOf(int row) const { return Q_.data() + static_cast<std::size_t>(row) * stride_; }
   void Read(const CompliantRows& rows);
   bool FindStep();
   void Move(double length);
@@ -58,13 +59,17 @@ class FewRows {
   int count_ = 0;                   // rows of members
   std::size_t with_columns_ = 0;    // members whose columns X_ has
   std::vector<int> ports_;          // of members
-  std::vector<double> X_, Q_;       // of a group four columns, freedoms x 4 row by row; count x count
+  std::size_t stride_ = 0;          // count, up to a multiple of four
+  // Of a group four columns, freedoms x 4 row by row; stride x count, 0 past count. Like w_step_, M_ and right_ by four
+  // numbers longer, since rows go by fours.
+  std::vector<double> X_, Q_;
   std::vector<double> changes_;     // of ports_, by four columns: six by four
   std::vector<double> w_, lambda_;  // now
   std::vector<double> r_, w_start_, lambda_start_;
   std::vector<double> off_, step_, w_step_;
   std::vector<double> M_, right_, s_;
-  std::vector<int> pivots_, active_;  // rows on another piece than that of the factor
+  std::vector<const Member*> changed_;  // on another piece than that of the factor
+  std::vector<int> pivots_, active_;    // rows of these
 };
 
 }  // namespace fork1s::internal

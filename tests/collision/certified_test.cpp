@@ -121,5 +121,51 @@ TEST(CollisionCertified, CylinderOnBox_LevelAndTilted_GapIsProven) {
   EXPECT_LE(uncertain, 4);  // which MuJoCo's search answers
 }
 
+// Likewise a cylinder and a capsule: along an end, along the side, across either, of sizes an order of magnitude apart.
+TEST(CollisionCertified, CapsuleOnCylinder_LevelAndTilted_GapIsProven) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(0, 1);
+  const auto direction = [&] { return Vector3(normal(random), normal(random), normal(random)).normalized(); };
+  const auto size = [&](double typical) { return typical * std::pow(10, uniform(random) - 0.5); };
+  std::vector<ContactPoint> contacts;
+  int proven = 0, uncertain = 0;
+  for (int trial = 0; trial < 800; ++trial) {
+    const Cylinder cylinder{size(0.04), size(0.03)};
+    const Capsule capsule{size(0.01), size(0.05)};
+    auto a = benchmarks::MakeConvexBody(capsule), b = benchmarks::MakeConvexBody(cylinder);
+    const double tilt = trial % 4 == 0 ? 3 * uniform(random) : std::pow(10, -1 - 9 * uniform(random));
+    const Matrix3 quarter =
+        ExpRotation(trial % 4 < 2 ? Vector3(Vector3::Zero()) : Vector3(0.5 * M_PI * Vector3::UnitX()));
+    a.X = RigidTransform(ExpRotation(3 * uniform(random) * direction()), direction());
+    b.X = RigidTransform(a.X.rotation() * ExpRotation(tilt * direction()) * quarter,
+                         a.X.translation() + 0.3 * direction());
+    auto truth = benchmarks::Certify(a, b);
+    // The capsule's surface, or its segment beneath that of the cylinder.
+    const double wanted = trial % 8 < 6 ? -0.0002 + 0.01 * uniform(random) : -1.05 * capsule.radius;
+    b.X = RigidTransform(b.X.rotation(), b.X.translation() + (wanted - truth.gap) * truth.normal);
+    truth = benchmarks::Certify(a, b);
+    if (truth.open > kProof) continue;  // parallel, in penetration
+    ++proven;
+    uncertain += internal::CylinderCapsule(cylinder.radius, cylinder.half_length, b.X, capsule.radius,
+                                           capsule.half_length, a.X, 0.03)
+                     ? 0
+                     : 1;
+    auto world = CollisionWorld::Create({Moving(capsule), Moving(cylinder)}, {}, {.margin = 0.03});
+    ASSERT_TRUE(world.has_value()) << world.error().Text();
+    world->SetPose(0, a.X);
+    world->SetPose(1, b.X);
+    ASSERT_TRUE(world->Detect(contacts));
+    ASSERT_FALSE(contacts.empty()) << trial;
+    const auto least = std::min_element(contacts.begin(), contacts.end(),
+                                        [](const auto& c, const auto& d) { return c.gap < d.gap; });
+    EXPECT_NEAR(least->gap, truth.gap, kGapOff) << trial << " " << tilt;
+    const Vector3 n = (least->body_a == 0 ? 1 : -1) * least->frame.row(0).transpose();
+    EXPECT_GT(benchmarks::GapAlong(a, b, n), truth.gap - kGapOff) << trial << " " << tilt;
+  }
+  EXPECT_GT(proven, 700);
+  EXPECT_LE(uncertain, 4);  // which MuJoCo's search answers
+}
+
 }  // namespace
 }  // namespace fork1s
