@@ -22,6 +22,12 @@ const SEARCHES = [
   ['gain.must_stay', 'formats.html'],
   ['control tables', 'formats.html'],
   ['relinearization', 'method.html'],
+  ['--controls', 'formats.html'],
+  ['run --controls FILE.csv', 'formats.html'],
+  ['"--read-time"', 'formats.html'],
+  ['--no-open', 'viewer.html'],
+  ['--stiffness-scale', 'formats.html'],
+  ['--against mujoco', 'compare.html'],
 ];
 
 const server = createServer((request, response) => {
