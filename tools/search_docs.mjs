@@ -22,12 +22,12 @@ const SEARCHES = [
   ['gain.must_stay', 'formats.html'],
   ['control tables', 'formats.html'],
   ['relinearization', 'method.html'],
-  ['--controls', 'formats.html'],
-  ['run --controls FILE.csv', 'formats.html'],
-  ['"--read-time"', 'formats.html'],
-  ['--no-open', 'viewer.html'],
-  ['--stiffness-scale', 'formats.html'],
-  ['--against mujoco', 'compare.html'],
+  ['--controls', 'command_line.html'],
+  ['fork1s run --controls FILE.csv', 'command_line.html'],
+  ['"--read-time"', 'command_line.html'],
+  ['--no-open', 'command_line.html'],
+  ['--stiffness-scale', 'command_line.html'],
+  ['--against mujoco', 'command_line.html'],
 ];
 
 const server = createServer((request, response) => {
