@@ -55,7 +55,6 @@ export class App {
   readonly plots: Plots;
   private readonly picking: Picking;
   private readonly legend: Legend;
-  private readonly free: HTMLElement; // with an extent on a phone alone
   private readonly help: Help;
   private readonly forceLabel: ForceLabel;
   private readonly hoverLabel: HoverLabel;
@@ -99,7 +98,6 @@ export class App {
     root.append(messages);
     this.notices = new Notices(root, messages);
     this.problems = new Problems(messages);
-    this.free = element('div', 'free', root);
     this.legend = new Legend(root);
     this.panel = new Panel(root, this.view.options, {
       send: (request) => this.send(request),
@@ -153,8 +151,7 @@ export class App {
     this.view.restyle();
     if (root.clientWidth < 900) this.panel.close();
     bindKeys(this.keys);
-    const resized = new ResizeObserver(() => this.resize());
-    for (const part of [root, this.free]) resized.observe(part);
+    new ResizeObserver(() => this.resize()).observe(root);
     this.resize();
     this.view.stage.renderer.setAnimationLoop((now) => this.draw(now));
   }
@@ -430,9 +427,7 @@ export class App {
   }
 
   private resize(): void {
-    const free = this.free.getBoundingClientRect();
-    const rise = free.width > 0 ? 0.5 * (this.root.clientHeight - free.top - free.bottom) : 0;
-    this.view.stage.resize(this.root.clientWidth, this.root.clientHeight, rise);
+    this.view.stage.resize(this.root.clientWidth, this.root.clientHeight);
     if (this.plots.shown) this.plots.resize();
   }
 

@@ -27,14 +27,14 @@ export class Picker {
     const before = renderer.getRenderTarget();
     const clear = renderer.getClearColor(new THREE.Color());
     const alpha = renderer.getClearAlpha();
-    const pixel = camera.clone();
-    pixel.setViewOffset(width, height, x + (camera.view?.offsetX ?? 0), y + (camera.view?.offsetY ?? 0), 1, 1);
+    camera.setViewOffset(width, height, x, y, 1, 1);
     renderer.setRenderTarget(this.target);
     renderer.setClearColor(0x000000, 0);
     renderer.clear();
-    renderer.render(this.scene, pixel);
+    renderer.render(this.scene, camera);
     renderer.setRenderTarget(before);
     renderer.setClearColor(clear, alpha);
+    camera.clearViewOffset();
     renderer.readRenderTargetPixels(this.target, 0, 0, 1, 1, this.pixel);
     const [px = 0, py = 0, pz = 0, id = 0] = this.pixel;
     return id > 0.5 ? { body: Math.round(id) - 1, point: new THREE.Vector3(px, py, pz) } : null;

@@ -185,11 +185,11 @@ export class Stage {
     this.lightAround(this.controls.target);
   }
 
-  /** What the camera is turned about lies `rise` pixels above the middle of the canvas. */
-  resize(width: number, height: number, rise = 0): void {
+  resize(width: number, height: number): void {
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
-    this.camera.setViewOffset(width, Math.max(1, height), 0, rise, width, Math.max(1, height)); // and the aspect
+    this.camera.aspect = width / Math.max(1, height);
+    this.camera.updateProjectionMatrix();
   }
 
   render(): void {

@@ -127,26 +127,6 @@ describe.skipIf(!ready)('composition', () => {
       expect(faint).toEqual([]);
     });
 
-  it('on a phone the model is seen between the title and what is open below it', async () => {
-    const { page } = live;
-    await page.setViewportSize({ width: 390, height: 844 });
-    await page.locator('canvas.stage').focus();
-    await page.evaluate(() => fork1s?.bench.side.close());
-    if (!(await page.locator('.plots').isVisible())) await page.keyboard.press('p');
-    await page.evaluate(() => fork1s?.view.stage.goHome());
-    await expect
-      .poll(() =>
-        page.evaluate(() => {
-          const app = fork1s;
-          const edge = (selector: string): DOMRect | undefined => document.querySelector(selector)?.getBoundingClientRect();
-          const top = edge('.head')?.bottom ?? NaN;
-          const bottom = edge('.legend')?.top ?? NaN;
-          return app?.view.scene?.bodies.map((b, i) => ({ name: b.name, y: app.screenOf(i, [0, 0, 0]).y })).filter(({ y }) => !(y > top && y < bottom));
-        }),
-      )
-      .toEqual([]);
-  });
-
   it('every control has a name, and the Tab key goes from the bar to the panels to the plots', async () => {
     const { page } = live;
     await page.setViewportSize({ width: 1280, height: 720 });
