@@ -1,7 +1,9 @@
-"""Pages that are made of the sources and of the notebooks, when mkdocs builds the site."""
+"""Pages that are made of the sources, of the program and of the notebooks, when mkdocs builds the site."""
 
+import html
 import os
 import re
+import subprocess
 from pathlib import Path
 
 from mkdocs.structure.files import File
@@ -48,12 +50,49 @@ def on_files(files, config, **_):
     return files
 
 
+def _rows(text: str, heading: str) -> list[list[str]]:
+    """[name, description] of each line of the sections of a --help text whose headings begin so."""
+    sections = re.findall(rf"^{heading}[^\n]*:\n((?:  .*\n)+)", text, flags=re.MULTILINE)
+    return [re.split(r"  +", line.strip(), maxsplit=1) for part in sections for line in part.splitlines()]
+
+
+def _plain(text: str) -> str:
+    """Markdown that shows the text as it is."""
+    return re.sub(r"([\\`*_\[\]])", r"\\\1", html.escape(text, quote=False))
+
+
+def _command_line() -> str:
+    """Commands and options, from the program in the package."""
+    package = os.environ.get("FORK1S_PACKAGE", ROOT / "build" / "release" / "bindings" / "python")
+    program = Path(package) / "fork1s" / "bin" / "fork1s"
+
+    def ask(*words: str) -> str:
+        return subprocess.run([program, *words, "--help"], check=True, capture_output=True, text=True).stdout
+
+    commands = _rows(ask(), "Subcommands")
+    said: dict[str, dict[str, list[str]]] = {}  # option -> description -> commands
+    for command, _ in commands:
+        for option, text in _rows(ask(command), "Options"):
+            said.setdefault(option, {}).setdefault(text, []).append(command)
+    out = ["## Commands\n", *(f"- `{name}`: {_plain(text)}" for name, text in commands), "\n## Options\n"]
+    for option, texts in sorted(said.items()):
+        name = re.sub(r"\W*[{ ].*", "", option).split(",")[-1]
+        out.append(f"### {name}\n")
+        for text, users in texts.items():
+            of = "every command" if len(users) == len(commands) else ", ".join(f"`{u}`" for u in users)
+            out.append(f"- `{option}` of {of}: {_plain(text)}")
+        out.append("")
+    return "\n".join(out)
+
+
 def on_page_markdown(markdown: str, page, **_) -> str:
     if page.file.src_uri.startswith("api_"):
         page.meta["search"] = {"boost": 0.3}  # pages that explain are found before the reference
     if not page.file.src_uri.startswith("notebooks/"):
         # Pages lead to notebooks, which is what there is in the repository; on the site to what became of them.
         markdown = re.sub(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb", r"\1.md", markdown)
+    if page.file.src_uri == "command_line.md":
+        return markdown.replace("<!-- commands -->", _command_line())
     if page.file.src_uri != "api_cpp.md":
         return markdown
     out = []

@@ -22,6 +22,12 @@ const SEARCHES = [
   ['gain.must_stay', 'formats.html'],
   ['control tables', 'formats.html'],
   ['relinearization', 'method.html'],
+  ['--controls', 'command_line.html'],
+  ['fork1s run --controls FILE.csv', 'command_line.html'],
+  ['"--read-time"', 'command_line.html'],
+  ['--no-open', 'command_line.html'],
+  ['--stiffness-scale', 'command_line.html'],
+  ['--against mujoco', 'command_line.html'],
 ];
 
 const server = createServer((request, response) => {

@@ -2,13 +2,13 @@
 // hang.
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <string>
 #include <vector>
 
 #include <sys/stat.h>
 
 #include "command.hpp"
+#include "hostile_models.hpp"
 
 namespace fork1s::test {
 namespace {
@@ -24,13 +24,6 @@ std::string Model(const std::string& before) { return "<mujoco>" + before + kBod
 
 // A program that waits for ever is ended and fails the test.
 Outcome Try(const std::string& arguments) { return Fork1s(arguments, "timeout -s KILL 60"); }
-
-template <class T>
-std::string Bits(std::initializer_list<T> values) {
-  std::string bytes(values.size() * sizeof(T), '\0');
-  std::memcpy(bytes.data(), values.begin(), bytes.size());
-  return bytes;
-}
 
 std::string Png(std::uint32_t width, std::uint32_t height) {
   std::string png("\211PNG\r\n\032\n\0\0\0\rIHDR", 16);
@@ -214,18 +207,7 @@ TEST(Hostile, ShapesBeyondAllMeasure) {
 
 // A model whose only shape is a mesh, as MJCF and as URDF.
 std::vector<std::string> ModelsWith(const std::string& mesh) {
-  return {
-      Write("mesh.xml", "<mujoco><asset><mesh name=\"m\" file=\"" + mesh +
-                            "\"/></asset><worldbody><body pos=\"0 0 1\"><joint name=\"j\" type=\"slide\" "
-                            "stiffness=\"10\"/><geom type=\"mesh\" mesh=\"m\"/></body></worldbody></mujoco>"),
-      Write("mesh.urdf",
-            "<robot name=\"r\"><link name=\"a\"/><link name=\"b\"><inertial><mass value=\"1\"/><inertia "
-            "ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial><collision>"
-            "<geometry><mesh filename=\"" +
-                mesh +
-                "\"/></geometry></collision></link><joint name=\"j\" type=\"revolute\"><parent "
-                "link=\"a\"/><child link=\"b\"/><axis xyz=\"0 0 1\"/><limit lower=\"-1\" "
-                "upper=\"1\" effort=\"1\" velocity=\"1\"/></joint></robot>")};
+  return {Write("mesh.xml", MjcfOfMesh(mesh)), Write("mesh.urdf", UrdfOfMesh(mesh))};
 }
 
 // Qhull explains on fifty lines why it cannot wrap this one.
@@ -271,35 +253,9 @@ TEST(Hostile, MeshesThatNameWhatIsNotThere) {
   }
 }
 
-// A tetrahedron whose skin has no inverseBindMatrices, which glTF allows.
-std::string SkinnedGlb() {
-  std::string json =
-      R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0,"skin":0},{}],)"
-      R"("skins":[{"joints":[1]}],"meshes":[{"primitives":[{"attributes":{"POSITION":0,"JOINTS_0":2,)"
-      R"("WEIGHTS_0":3},"indices":1}]}],"buffers":[{"byteLength":152}],"bufferViews":[)"
-      R"({"buffer":0,"byteOffset":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":24},)"
-      R"({"buffer":0,"byteOffset":72,"byteLength":16},{"buffer":0,"byteOffset":88,"byteLength":64}],"accessors":[)"
-      R"({"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[0.1,0.1,0.1]},)"
-      R"({"bufferView":1,"componentType":5123,"count":12,"type":"SCALAR"},)"
-      R"({"bufferView":2,"componentType":5121,"count":4,"type":"VEC4"},)"
-      R"({"bufferView":3,"componentType":5126,"count":4,"type":"VEC4"}]})";
-  json.resize((json.size() + 3) / 4 * 4, ' ');
-  const std::string bytes = Bits<float>({0, 0, 0, .1f, 0, 0, 0, .1f, 0, 0, 0, .1f}) +
-                            Bits<std::uint16_t>({0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3}) +
-                            std::string(16, '\0') +
-                            Bits<float>({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0});
-  const auto size = [](const std::string& part) { return static_cast<std::uint32_t>(part.size()); };
-  return "glTF" + Bits<std::uint32_t>({2, 28 + size(json) + size(bytes), size(json)}) + "JSON" + json +
-         Bits<std::uint32_t>({size(bytes)}) + std::string("BIN\0", 4) + bytes;
-}
-
 // MuJoCo's compiler aborts, and Assimp follows a null pointer.
 TEST(Hostile, ModelsThatCrashTheirReader) {
-  const std::string sphere = Write(
-      "sphere.xml",
-      "<mujoco><asset><mesh name=\"m\" builtin=\"supersphere\" params=\"20000 1 1\"/></asset><worldbody>"
-      "<body pos=\"0 0 1\"><joint type=\"slide\" stiffness=\"10\"/><geom type=\"mesh\" mesh=\"m\"/></body>"
-      "</worldbody></mujoco>");
+  const std::string sphere = Write("sphere.xml", BuiltinMesh("supersphere", "20000 1 1"));
   Write("skin.glb", SkinnedGlb());
   const std::string skin = ModelsWith("skin.glb")[1];
   const std::string out = (ScratchFolder() / "crashed").string();

@@ -50,6 +50,13 @@ TEST(Plausible, TooFastForTheStep) {
   EXPECT_NE(said.find("deep in the world"), std::string::npos) << said;
 }
 
+// 5 rad a step are stepped, with a warning that has body, angle and remedy.
+TEST(Plausible, TurnsByMoreThanHalfATurnInAStep) {
+  const std::string said = WarningsOf("--keyframe k " + Thrown("0 0 0 30 300 1"), 0, "0.2");
+  EXPECT_NE(said.find("'box' turns by 5.0"), std::string::npos) << said;
+  EXPECT_NE(said.find("try a time step of 0.003 s"), std::string::npos) << said;
+}
+
 // At 1e4 rad/s no step is solved.
 TEST(Plausible, SpinsTooFastForTheStep) {
   const std::string thrown = "--keyframe k " + Thrown("0 0 0 3e3 1e4 100");

@@ -1,6 +1,7 @@
 // What a run says at its end: loads by pair of bodies, bases, slip, stops and servos; and its tables.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <sstream>
 #include <string>
@@ -231,6 +232,30 @@ std::map<std::string, std::string> LastRow(const std::string& path) {
   std::string name, value;
   while (std::getline(names, name, ',') && std::getline(values, value, ',')) row[name] = value;
   return row;
+}
+
+// Without a terminal a line every ten seconds, here of a clock that runs 10,000 times as fast.
+TEST(RunReport, ProgressWithoutATerminalIsALineEveryTenSeconds) {
+#ifdef __SANITIZE_ADDRESS__
+  GTEST_SKIP() << "the address sanitizer has to be loaded first";
+#endif
+  const std::string run = "run --time 20 --read-time 1e6 " + Sledge();
+  EXPECT_EQ(Fork1s(run).err.find("simulating: "), std::string::npos);  // shorter than ten seconds
+  const Outcome o = Fork1s(run, "env LD_PRELOAD=" FORK1S_FAST_CLOCK);
+  ASSERT_EQ(o.code, 0) << o.err;
+  std::stringstream text(o.err);
+  int lines = 0, before = 0;
+  for (std::string line; std::getline(text, line);) {
+    int percent = -1;
+    char sign = 0;
+    if (std::sscanf(line.c_str(), "simulating: %d %c", &percent, &sign) != 2) continue;
+    ++lines;
+    EXPECT_EQ(sign, '%') << line;
+    EXPECT_GE(percent, before) << o.err;
+    EXPECT_LE(percent, 100) << o.err;
+    before = percent;
+  }
+  EXPECT_GE(lines, 3) << o.err;
 }
 
 TEST(RunReport, TablesHoldTheSame) {

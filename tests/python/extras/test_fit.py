@@ -1,6 +1,9 @@
 """Stiffnesses for a wanted compliance: found where they exist, and said where they do not."""
 
+import re
 import runpy
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -109,7 +112,6 @@ def test_the_worked_example(scenes):
 
 
 def test_the_page_of_sweeps(scenes, tmp_path, monkeypatch):
-    import re
     from pathlib import Path
 
     if not (Path(fork1s.__file__).parent / "scenes").exists():
@@ -124,3 +126,15 @@ def test_the_page_of_sweeps(scenes, tmp_path, monkeypatch):
     page = {"__name__": "__main__"}
     exec(compile("\n".join(blocks), "docs/sweeps.md", "exec"), page)
     assert len(page["table"]) == 6 and page["table"]["error"].isna().all() and page["fit"].reached
+
+
+def test_the_page_of_the_hand(scenes, tmp_path):
+    """Its program prints the lines that the page shows; tests/cli/docs_test.cpp follows its other commands."""
+    page = (scenes.parent / "docs" / "hand_stiffness.md").read_text()
+    [program] = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    [shown] = re.findall(r"\$ python3 tune.py\n(.*?)```", page, flags=re.DOTALL)
+    (tmp_path / "tune.py").write_text(program)
+    (tmp_path / "scenes").symlink_to(scenes)
+    done = subprocess.run([sys.executable, "tune.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == shown
