@@ -56,10 +56,10 @@ class FewRows {
   bool ByLine(const CompliantRows& rows, double enough);
 
   std::vector<Member> members_;
-  int count_ = 0;                   // rows of members
-  std::size_t with_columns_ = 0;    // members whose columns X_ has
-  std::vector<int> ports_;          // of members
-  std::size_t stride_ = 0;          // count, up to a multiple of four
+  int count_ = 0;                 // rows of members
+  std::size_t with_columns_ = 0;  // members whose columns X_ has
+  std::vector<int> ports_;        // of members
+  std::size_t stride_ = 0;        // count, up to a multiple of four
   // Of a group four columns, freedoms x 4 row by row; stride x count, 0 past count. Like w_step_, M_ and right_ by four
   // numbers longer, since rows go by fours.
   std::vector<double> X_, Q_;

@@ -70,6 +70,10 @@ void First(const RunMap<Real>& map, const Real* y, Real* HWY_RESTRICT turns, Rea
 }
 
 // Rows to columns of a square of as many numbers as a register has lanes, a bit of the place at a time.
+template <class D, class V>
+HWY_INLINE void Transpose(D, V (&)[1]) {
+}  // a processor without vectors, which has none of the operations below
+#if HWY_TARGET != HWY_SCALAR
 template <class D, class V, std::size_t n>
 HWY_INLINE void Transpose(D d, V (&v)[n]) {
   for (std::size_t size = 1; size < n; size *= 2) {
@@ -81,6 +85,7 @@ HWY_INLINE void Transpose(D d, V (&v)[n]) {
     for (std::size_t i = 0; i < n; ++i) v[i] = w[i];
   }
 }
+#endif
 
 template <class Real>
 void Last(const RunMap<Real>& map, const Real* HWY_RESTRICT poses, const Real* HWY_RESTRICT stands,
