@@ -168,14 +168,14 @@ void LimitReader() {
 using Reader = std::function<Expected<ImportedScene>(const std::string&, const ImportOptions&)>;
 
 // Takes the options and leaves nothing in their place until there is a result.
-Expected<ImportOptions> TakeOptions(const std::string& path) {
+Expected<ImportOptions> ReadOptions(const std::string& path) {
   const std::string text = ReadAll(kExchange);
   if (!WriteAll(kExchange, "")) return Fail(ErrorCode::kFile, path, "no options came with it");
   return ReadImportOptions(text, path);
 }
 
 Expected<void> ReadAndStore(const std::string& path, const Reader& read) {
-  const auto options = TakeOptions(path);
+  const auto options = ReadOptions(path);
   if (!options) return tl::unexpected(options.error());
   const auto imported = read(path, *options);
   if (!imported) return tl::unexpected(imported.error());

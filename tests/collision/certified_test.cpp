@@ -33,6 +33,24 @@ std::vector<Shape> ConvexShapes(std::mt19937& random) {
           MeshShape{mesh}};
 }
 
+// The nearest contact of two shapes is where it is certified to be.
+template <class Truth>
+void ExpectNearest(const Shape& shape_a, const benchmarks::ConvexBody& a, const Shape& shape_b,
+                   const benchmarks::ConvexBody& b, const Truth& truth) {
+  auto world = CollisionWorld::Create({Moving(shape_a), Moving(shape_b)}, {}, {.margin = 0.03});
+  ASSERT_TRUE(world.has_value()) << world.error().Text();
+  world->SetPose(0, a.X);
+  world->SetPose(1, b.X);
+  std::vector<ContactPoint> contacts;
+  ASSERT_TRUE(world->Detect(contacts));
+  ASSERT_FALSE(contacts.empty());
+  const auto least = std::min_element(contacts.begin(), contacts.end(),
+                                      [](const auto& c, const auto& d) { return c.gap < d.gap; });
+  EXPECT_NEAR(least->gap, truth.gap, kGapOff);
+  const Vector3 n = (least->body_a == 0 ? 1 : -1) * least->frame.row(0).transpose();
+  EXPECT_GT(benchmarks::GapAlong(a, b, n), truth.gap - kGapOff);
+}
+
 TEST(CollisionCertified, GapsAndNormalsOfConvexPairs) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
@@ -85,7 +103,6 @@ TEST(CollisionCertified, CylinderOnBox_LevelAndTilted_GapIsProven) {
   std::uniform_real_distribution<double> uniform(0, 1);
   const auto direction = [&] { return Vector3(normal(random), normal(random), normal(random)).normalized(); };
   const auto size = [&](double typical) { return typical * std::pow(10, uniform(random) - 0.5); };
-  std::vector<ContactPoint> contacts;
   int proven = 0, uncertain = 0;
   for (int trial = 0; trial < 800; ++trial) {
     const Cylinder cylinder{size(0.04), size(0.03)};
@@ -105,17 +122,8 @@ TEST(CollisionCertified, CylinderOnBox_LevelAndTilted_GapIsProven) {
     ++proven;
     uncertain +=
         internal::CylinderBox(cylinder.radius, cylinder.half_length, a.X, box.half, b.X, 0.03) ? 0 : 1;
-    auto world = CollisionWorld::Create({Moving(cylinder), Moving(box)}, {}, {.margin = 0.03});
-    ASSERT_TRUE(world.has_value()) << world.error().Text();
-    world->SetPose(0, a.X);
-    world->SetPose(1, b.X);
-    ASSERT_TRUE(world->Detect(contacts));
-    ASSERT_FALSE(contacts.empty()) << trial;
-    const auto least = std::min_element(contacts.begin(), contacts.end(),
-                                        [](const auto& c, const auto& d) { return c.gap < d.gap; });
-    EXPECT_NEAR(least->gap, truth.gap, kGapOff) << trial << " " << tilt;
-    const Vector3 n = (least->body_a == 0 ? 1 : -1) * least->frame.row(0).transpose();
-    EXPECT_GT(benchmarks::GapAlong(a, b, n), truth.gap - kGapOff) << trial << " " << tilt;
+    SCOPED_TRACE(::testing::Message() << trial << " tilted by " << tilt);
+    ExpectNearest(cylinder, a, box, b, truth);
   }
   EXPECT_GT(proven, 750);
   EXPECT_LE(uncertain, 4);  // which MuJoCo's search answers
@@ -128,7 +136,6 @@ TEST(CollisionCertified, CapsuleOnCylinder_LevelAndTilted_GapIsProven) {
   std::uniform_real_distribution<double> uniform(0, 1);
   const auto direction = [&] { return Vector3(normal(random), normal(random), normal(random)).normalized(); };
   const auto size = [&](double typical) { return typical * std::pow(10, uniform(random) - 0.5); };
-  std::vector<ContactPoint> contacts;
   int proven = 0, uncertain = 0;
   for (int trial = 0; trial < 800; ++trial) {
     const Cylinder cylinder{size(0.04), size(0.03)};
@@ -151,17 +158,8 @@ TEST(CollisionCertified, CapsuleOnCylinder_LevelAndTilted_GapIsProven) {
                                            capsule.half_length, a.X, 0.03)
                      ? 0
                      : 1;
-    auto world = CollisionWorld::Create({Moving(capsule), Moving(cylinder)}, {}, {.margin = 0.03});
-    ASSERT_TRUE(world.has_value()) << world.error().Text();
-    world->SetPose(0, a.X);
-    world->SetPose(1, b.X);
-    ASSERT_TRUE(world->Detect(contacts));
-    ASSERT_FALSE(contacts.empty()) << trial;
-    const auto least = std::min_element(contacts.begin(), contacts.end(),
-                                        [](const auto& c, const auto& d) { return c.gap < d.gap; });
-    EXPECT_NEAR(least->gap, truth.gap, kGapOff) << trial << " " << tilt;
-    const Vector3 n = (least->body_a == 0 ? 1 : -1) * least->frame.row(0).transpose();
-    EXPECT_GT(benchmarks::GapAlong(a, b, n), truth.gap - kGapOff) << trial << " " << tilt;
+    SCOPED_TRACE(::testing::Message() << trial << " tilted by " << tilt);
+    ExpectNearest(capsule, a, cylinder, b, truth);
   }
   EXPECT_GT(proven, 700);
   EXPECT_LE(uncertain, 4);  // which MuJoCo's search answers

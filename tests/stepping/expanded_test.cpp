@@ -155,6 +155,32 @@ TEST(Expanded, FastJointsGoByExactPoses) {
             by_expansion + 6);  // so many steps by each at least, but for those of speeding up
 }
 
+// Slow joints are expanded again after 120 steps, faster ones after 8 degrees, and none that turns by less than a sixteenth
+// of that.
+TEST(Expanded, SlowJoints_AreExpandedAgainAfterManySteps) {
+  for (const auto& [turn, between] :
+       {std::pair(1e-5, 0), std::pair(1e-3, 120), std::pair(2e-3, 70)}) {  // rad a step
+    SCOPED_TRACE(turn);
+    MechanismBuilder builder("spinner");
+    BodyDef link;
+    link.name = "link";
+    link.parent = builder.base();
+    link.inertia = testing::Brick(1, Vector3(0.1, 0.02, 0.02));
+    builder.AddJoint(JointDef::Hinge("pin", builder.AddBody(link), Vector3::UnitY(), Vector3(-0.1, 0, 0))
+                         .WithSpring(1e-9, 0));
+    builder.SetInterfaces({"link"});
+    StepOptions step = testing::TwoStage(1.0 / 60, Vector3::Zero());
+    step.refresh = false;
+    World world = MustStart(builder.definition(), VectorX::Zero(1), VectorX::Constant(1, 60 * turn),
+                            Vector6::Zero(), SteppedBy(Recovery::kExpanded));
+    std::vector<int> at;
+    for (int i = 1; i <= 600; ++i)
+      if (world.Step(step).expansions > 0) at.push_back(i);
+    EXPECT_EQ(at.empty(), between == 0);
+    for (std::size_t i = 0; i < at.size(); ++i) EXPECT_NEAR(at[i] - (i > 0 ? at[i - 1] : 0), between, 1);
+  }
+}
+
 // A pose farther from the expansion than three of its angles is none: the step that leads there is halved until it goes
 // by poses within, or by exact ones.
 TEST(Expanded, TurnBeyondItsReach_StepIsTakenInParts) {
