@@ -2,14 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numbers>
 #include <utility>
 
 namespace fork1s::internal {
 namespace {
 
-constexpr double kSame = 1e-6;   // m: points that near carry what one of them carries
-constexpr double kExact = 1e-8;  // m: the detector's gaps are no better where shapes are stored as floats
+constexpr double kSame = 1e-6;  // m: points that near carry what one of them carries
+// m: a corner between kept ones bears nothing that they do not while it is deeper by less. What rests presses in by
+// ContactMaterial::depth, ten times that, at most; so it tilts by that over its size, and between two of eight points of
+// a rim the rim is deeper by less than a twentieth of depth.
+constexpr double kAsDeep = 1e-6;
+// rad: no angle of a regular polygon, of which two corners would be as far
+constexpr double kFirstDirection = 0.1234;
 
 // Room for a face that every edge of another may give one more corner.
 struct Polygon {
@@ -100,57 +105,47 @@ void ContactPatch::AddOverlap(const SupportFace& a, const SupportFace& b, double
   for (int i = 0; i < overlap.count; ++i) add(overlap[i], area.dot(overlap[i] - base[0]) / area.dot(up));
 }
 
-int ContactPatch::ChooseSupport() {
-  double lowest = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < count_; ++i) lowest = std::min(lowest, points_[static_cast<std::size_t>(i)].gap);
-  int first = 0;
-  while (first + 1 < count_ && points_[static_cast<std::size_t>(first)].gap > lowest + kExact) ++first;
-  if (deepest_ && (count_ == 0 || points_[static_cast<std::size_t>(first)].gap > deepest_->gap + kExact)) {
-    if (count_ == kMost) --count_;
-    first = count_;
-    Add(*deepest_);
+void ContactPatch::MergeEquals() {
+  int kept = 0;
+  for (int i = 0; i < count_; ++i) {
+    const PatchPoint& p = points_[static_cast<std::size_t>(i)];
+    if (std::none_of(points_.begin(), points_.begin() + kept,
+                     [&](const PatchPoint& q) { return (q.point - p.point).squaredNorm() < kSame * kSame; }))
+      points_[static_cast<std::size_t>(kept++)] = p;
   }
-  if (count_ == 0) return 0;
-  int chosen = 0;
-  const auto take = [&](int i) {
-    std::swap(points_[static_cast<std::size_t>(chosen)], points_[static_cast<std::size_t>(i)]);
-    ++chosen;
-  };
-  take(first);
+  count_ = kept;
+}
 
-  // The one of the rest that most of something has more than `least` of.
-  const auto take_most = [&](double least, const auto& measure) {
-    int best = -1;
-    for (int i = chosen; i < count_; ++i)
-      if (const double value = measure(points_[static_cast<std::size_t>(i)].point); value > least) {
-        best = i;
-        least = value * (1 + 1e-9) + 1e-15;  // equals: the first
-      }
-    if (best >= 0) take(best);
-    return best >= 0;
-  };
-  const auto across = [&](const Vector3& v) -> Vector3 { return v - v.dot(normal_) * normal_; };
-  const Vector3 p = points_[0].point;
-  if (!take_most(kSame, [&](const Vector3& q) { return across(q - p).norm(); })) return chosen;
-  const Vector3 q = points_[1].point, side = normal_.cross(q - p).normalized();
-  if (!take_most(kSame, [&](const Vector3& r) { return std::abs(side.dot(r - p)); })) {
-    // All on one line, of which the deepest may be in the middle: its other end.
-    const Vector3 back = (p - q).normalized();
-    take_most(kSame, [&](const Vector3& r) { return back.dot(r - p); });
-    return chosen;
+void ContactPatch::KeepExtremes() {
+  std::array<bool, kMost> extreme{};
+  // Of normals that differ by little, axes that do.
+  const Vector3 x = normal_.cross(std::abs(normal_.x()) < 0.8 ? Vector3::UnitX() : Vector3::UnitY())
+                        .normalized(),
+                y = normal_.cross(x);
+  const auto end = points_.begin() + count_;
+  for (int k = 0; k < kSupport; ++k) {
+    const double angle = kFirstDirection + k * 2 * std::numbers::pi / kSupport;
+    const Vector3 along = std::cos(angle) * x + std::sin(angle) * y;
+    const auto farthest = std::max_element(
+        points_.begin(), end,
+        [&](const PatchPoint& p, const PatchPoint& q) { return along.dot(p.point) < along.dot(q.point); });
+    extreme[static_cast<std::size_t>(farthest - points_.begin())] = true;
   }
-  // What lies outside of the triangle, by the area that it adds.
-  Vector3 r = points_[2].point, s = q;
-  if (side.dot(r - p) < 0) std::swap(r, s);
-  const std::array<Vector3, 3> corner{p, s, r};  // counter-clockwise about the normal
-  const double width = across(q - p).norm();
-  take_most(kSame * width, [&](const Vector3& t) {
-    double most = 0;
-    for (std::size_t i = 0; i < 3; ++i)
-      most = std::max(most, -normal_.dot((corner[(i + 1) % 3] - corner[i]).cross(t - corner[i])));
-    return most;
-  });
-  return chosen;
+  int kept = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i)
+    if (extreme[i]) points_[static_cast<std::size_t>(kept++)] = points_[i];
+  count_ = kept;
+}
+
+int ContactPatch::ChooseSupport() {
+  MergeEquals();
+  for (int i = 0; i < count_; ++i)
+    if (const PatchPoint& p = points_[static_cast<std::size_t>(i)]; !deepest_ || p.gap < deepest_->gap)
+      deepest_ = p;
+  if (count_ > kSupport) KeepExtremes();
+  const auto is_as_deep = [&](const PatchPoint& p) { return p.gap < deepest_->gap + kAsDeep; };
+  if (deepest_ && std::none_of(points_.begin(), points_.begin() + count_, is_as_deep)) Add(*deepest_);
+  return count_;
 }
 
 }  // namespace fork1s::internal

@@ -34,13 +34,17 @@ class ContactPatch {
   void Add(const PatchPoint& point);
   /// Adds the corners of the overlap that are nearer than `margin`.
   void AddOverlap(const SupportFace& a, const SupportFace& b, double margin);
-  /// Keeps at most four: the deepest, the farthest from it, the one that makes the largest triangle with them
-  /// and the one that adds most to that; of a line both ends. Equals: the first. Returns how many.
+  /// Keeps the deepest point, and of more than eight those farthest along eight directions; returns how many.
+  /// Which these are does not hang on gaps that differ by little: points that changed from step to step would
+  /// shake what rests on them.
   int ChooseSupport();
   const PatchPoint& operator[](int i) const { return points_[static_cast<std::size_t>(i)]; }
 
  private:
-  static constexpr int kMost = 2 * SupportFace::kMost + 1;
+  static constexpr int kMost = 2 * SupportFace::kMost + 1, kSupport = 16;
+
+  void MergeEquals();
+  void KeepExtremes();
 
   Vector3 normal_;
   std::optional<PatchPoint> deepest_;

@@ -22,7 +22,8 @@ namespace {
 using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 mjfCollision mujocos_convex = nullptr, mujocos_box_box = nullptr, mujocos_field = nullptr,
-             mujocos_field_sphere = nullptr, mujocos_plane_mesh = nullptr, mujocos_capsule_box = nullptr;
+             mujocos_field_sphere = nullptr, mujocos_plane_mesh = nullptr, mujocos_plane_cylinder = nullptr,
+             mujocos_capsule_box = nullptr;
 
 bool IsOurs(const mjModel* m) { return std::strcmp(m->names, kCollisionModelName) == 0; }
 
@@ -184,7 +185,7 @@ int ConvexPair(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b
   patch.SetDeepest({deepest.point, deepest.gap});
   if (!(m->opt.disableflags & mjDSBL_MULTICCD))
     patch.AddOverlap(FaceAlong(m, d, a, deepest.normal), FaceAlong(m, d, b, -deepest.normal), margin);
-  return WritePatch(patch, deepest.normal, mj_maxContact(m, a, b, 1), contacts);
+  return WritePatch(patch, deepest.normal, mjMAXCONPAIR, contacts);
 }
 
 constexpr double kSameNormal =
@@ -204,27 +205,41 @@ int CapsuleOnBox(const mjModel* m, mjData* d, mjPreContact* contacts, int capsul
   ContactPatch patch(n);
   patch.SetDeepest({Eigen::Map<const Vector3>(contacts[nearest].pos), contacts[nearest].dist});
   patch.AddOverlap(FaceAlong(m, d, capsule, n), FaceAlong(m, d, box, -n), margin);
-  return WritePatch(patch, n, mj_maxContact(m, capsule, box, 1), contacts);
+  return WritePatch(patch, n, mjMAXCONPAIR, contacts);
+}
+
+// Corners of the face that looks at a plane, and what `patch` has of the shape already.
+int FaceOnPlane(const mjModel* m, const mjData* d, mjPreContact* contacts, int plane, int shape,
+                double margin, ContactPatch& patch) {
+  const Posed posed(m, d, plane);
+  const Vector3 n = posed.R.col(2);
+  const SupportFace face = FaceAlong(m, d, shape, -n);
+  for (int i = 0; i < face.count; ++i)
+    if (const double gap = n.dot(face[i] - posed.p); gap < margin) patch.Add({face[i] - 0.5 * gap * n, gap});
+  return WritePatch(patch, n, mjMAXCONPAIR, contacts);
 }
 
 // MuJoCo names the nearest corner and some of its neighbours; a face that lies on the plane has more.
 int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, int mesh, mjtNum margin) {
   const int found = mujocos_plane_mesh(m, d, contacts, plane, mesh, margin);
   if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
-  const Posed posed(m, d, plane);
-  const Vector3 n = posed.R.col(2);
-  ContactPatch patch(n);
-  const auto add = [&](const Vector3& corner) {
-    const double gap = n.dot(corner - posed.p);
-    if (gap < margin) patch.Add({corner - 0.5 * gap * n, gap});
-  };
+  ContactPatch patch(Posed(m, d, plane).R.col(2));
   for (int i = 0; i < found; ++i) patch.Add({Eigen::Map<const Vector3>(contacts[i].pos), contacts[i].dist});
-  const SupportFace face = FaceAlong(m, d, mesh, -n);
-  for (int i = 0; i < face.count; ++i) add(face[i]);
-  return WritePatch(patch, n, mj_maxContact(m, plane, mesh, 1), contacts);
+  return FaceOnPlane(m, d, contacts, plane, mesh, margin, patch);
 }
 
-// Contacts of a convex shape with a field: of each normal at most four.
+// MuJoCo's nearest point is exact. Of a flat end it names two more, turned as the nearest one is, which rolls about
+// the rim of a cylinder that stands.
+int CylinderOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, int cylinder,
+                    mjtNum margin) {
+  const int found = mujocos_plane_cylinder(m, d, contacts, plane, cylinder, margin);
+  if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
+  ContactPatch patch(Posed(m, d, plane).R.col(2));
+  patch.SetDeepest({Eigen::Map<const Vector3>(contacts[0].pos), contacts[0].dist});
+  return FaceOnPlane(m, d, contacts, plane, cylinder, margin, patch);
+}
+
+// Contacts of a convex shape with a field: of each normal at most as many as a patch keeps.
 class FieldContacts {
  public:
   void Add(const mjPreContact& contact) {
@@ -411,6 +426,9 @@ int BoxBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int 
 int PlaneMeshOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
   return (IsOurs(m) ? MeshOnPlane : mujocos_plane_mesh)(m, d, contacts, a, b, margin);
 }
+int PlaneCylinderOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? CylinderOnPlane : mujocos_plane_cylinder)(m, d, contacts, a, b, margin);
+}
 int CapsuleBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
   return (IsOurs(m) ? CapsuleOnBox : mujocos_capsule_box)(m, d, contacts, a, b, margin);
 }
@@ -431,6 +449,7 @@ void InstallPairRoutines() {
     mujocos_field = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_BOX];
     mujocos_field_sphere = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
     mujocos_plane_mesh = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
+    mujocos_plane_cylinder = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
     mujocos_capsule_box = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX];
     for (int a = 0; a < mjNGEOMTYPES; ++a)
       for (int b = a; b < mjNGEOMTYPES; ++b) {
@@ -440,6 +459,7 @@ void InstallPairRoutines() {
       }
     mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX] = &BoxBoxOrOwn;
     mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH] = &PlaneMeshOrOwn;
+    mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER] = &PlaneCylinderOrOwn;
     mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE] = &FieldSphereOrOwn;
     mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX] = &CapsuleBoxOrOwn;
   });

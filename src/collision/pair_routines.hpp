@@ -12,7 +12,8 @@ inline constexpr const char* kCollisionModelName = "fork1s_collision";
 /// Puts our routines into MuJoCo's table, once.
 void InstallPairRoutines();
 
-/// How such a model is to be searched; `multi_point`: up to four points a pair of convex shapes.
+/// How such a model is to be searched; `multi_point`: all corners of the overlap
+/// where flat shapes rest on each other.
 void SetPairOptions(mjModel& model, bool multi_point);
 
 }  // namespace fork1s::internal

@@ -13,9 +13,9 @@ namespace {
 
 using namespace testing;
 
-// The proof is to 1e-10 m, and so is the detector's search; a point of a flat face stands for the deepest one
-// if it is as deep to 1e-8; vertices of meshes are floats, 6e-8 of 0.06 m on either side.
-constexpr double kProof = 1e-10, kGapOff = 2e-8;
+// The proof is to 1e-10 m, and so is the detector's search; vertices of meshes are floats, 6e-8 of 0.06 m on either side. A
+// corner of a flat face stands for the deepest point if it is as deep to 1 um.
+constexpr double kProof = 1e-10, kGapOff = 2e-8, kAsDeep = 1e-6;
 
 std::vector<Shape> ConvexShapes(std::mt19937& random) {
   std::normal_distribution<double> normal;
@@ -46,7 +46,8 @@ void ExpectNearest(const Shape& shape_a, const benchmarks::ConvexBody& a, const 
   ASSERT_FALSE(contacts.empty());
   const auto least = std::min_element(contacts.begin(), contacts.end(),
                                       [](const auto& c, const auto& d) { return c.gap < d.gap; });
-  EXPECT_NEAR(least->gap, truth.gap, kGapOff);
+  EXPECT_GT(least->gap, truth.gap - kGapOff);
+  EXPECT_LT(least->gap, truth.gap + kAsDeep);
   const Vector3 n = (least->body_a == 0 ? 1 : -1) * least->frame.row(0).transpose();
   EXPECT_GT(benchmarks::GapAlong(a, b, n), truth.gap - kGapOff);
 }
@@ -82,10 +83,11 @@ TEST(CollisionCertified, GapsAndNormalsOfConvexPairs) {
         world->SetPose(1, b.X);
         ASSERT_TRUE(world->Detect(contacts));
         ASSERT_FALSE(contacts.empty()) << i << ' ' << k << ' ' << trial << ' ' << truth.gap;
-        ASSERT_LE(contacts.size(), 4u);
+        ASSERT_LE(contacts.size(), 17u);
         const auto least = std::min_element(contacts.begin(), contacts.end(),
                                             [](const auto& c, const auto& d) { return c.gap < d.gap; });
-        EXPECT_NEAR(least->gap, truth.gap, boxes ? 2 * kProof : kGapOff) << i << ' ' << k << ' ' << trial;
+        EXPECT_GT(least->gap, truth.gap - (boxes ? 2 * kProof : kGapOff)) << i << ' ' << k << ' ' << trial;
+        EXPECT_LT(least->gap, truth.gap + kAsDeep) << i << ' ' << k << ' ' << trial;
         // What the normal proves of the gap; a normal that is off by x leaves some 0.1 x^2 of it, at corners
         // 0.1 x.
         const Vector3 n = (least->body_a == 0 ? 1 : -1) * least->frame.row(0).transpose();

@@ -1,5 +1,4 @@
-// Where flat shapes rest on each other: points that are on both surfaces, four at most, that hold what lies
-// there.
+// Where flat shapes rest on each other: points that are on both surfaces, and that hold what lies there.
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -23,14 +22,14 @@ struct FlatPair {
 MeshShape Block(const Vector3& half) { return BoxMesh(half, Vector3::Zero()); }
 
 // Every kind that has a flat face on every other, turned about the normal and moved aside.
-TEST(Patch, FlatFacesRestOnFourPoints) {
+TEST(Patch, FlatFaces_Overlap_RestOnItsCorners) {
   const Vector3 large(0.2, 0.2, 0.1), small(0.05, 0.03, 0.04);
   const std::vector<FlatPair> pairs = {{Box{large}, Box{small}, 0.1, 0.04, 4},
                                        {Box{large}, Block(small), 0.1, 0.04, 4},
                                        {Block(large), Block(small), 0.1, 0.04, 4},
-                                       {Box{large}, Cylinder{0.05, 0.04}, 0.1, 0.04, 4},
-                                       {Block(large), Cylinder{0.05, 0.04}, 0.1, 0.04, 4},
-                                       {Cylinder{0.3, 0.1}, Cylinder{0.05, 0.04}, 0.1, 0.04, 4}};
+                                       {Box{large}, Cylinder{0.05, 0.04}, 0.1, 0.04, 8},
+                                       {Block(large), Cylinder{0.05, 0.04}, 0.1, 0.04, 8},
+                                       {Cylinder{0.3, 0.1}, Cylinder{0.05, 0.04}, 0.1, 0.04, 8}};
   std::mt19937 random(1);
   std::uniform_real_distribution<double> u(-1, 1);
   for (std::size_t k = 0; k < pairs.size(); ++k)
@@ -60,6 +59,58 @@ TEST(Patch, FlatFacesRestOnFourPoints) {
       EXPECT_GT(high.x(), half_x - 2 * kSingle) << k;
       EXPECT_LT(low.y(), -half_y + 2 * kSingle) << k;
       EXPECT_GT(high.y(), half_y - 2 * kSingle) << k;
+    }
+}
+
+// A prism of `corners` sides about z.
+MeshShape Prism(int corners, double radius, double half) {
+  auto mesh = std::make_shared<TriangleMesh>();
+  mesh->name = "prism";
+  for (int k = 0; k < 2 * corners; ++k) {
+    const double angle = 2 * 3.14159265358979323846 * (k / 2) / corners;
+    mesh->vertices.push_back(
+        Vector3(radius * std::cos(angle), radius * std::sin(angle), k % 2 ? half : -half).cast<float>());
+  }
+  return {mesh};
+}
+
+// What rests presses in by 10 um and sways by less. Points that then change from step to step keep it swaying: a stack
+// of turned boxes rested on the four of eight corners that were deeper, and shook by 0.2 % of its weight for ever.
+TEST(Patch, FlatFaces_TiltedAsAtRest_KeepTheirPoints) {
+  const double half = 0.05;
+  const std::vector<Shape> shapes = {Box{Vector3::Constant(half)},          Cylinder{half, half},
+                                     Shape(Block(Vector3::Constant(half))), Shape(Prism(5, half, half)),
+                                     Shape(Prism(12, half, half)),          Shape(Prism(32, half, half))};
+  std::vector<CollisionBodyDef> under = {Still(Plane{}, At(0, 0, -half))};
+  for (const Shape& shape : shapes) under.push_back(Moving(shape));
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> u(-1, 1);
+  for (std::size_t k = 0; k < under.size(); ++k)
+    for (std::size_t l = 0; l < shapes.size(); ++l) {
+      if (k > l + 1) continue;  // each pair once
+      SCOPED_TRACE(std::to_string(k) + " under " + std::to_string(l));
+      if (k > 0) under[k].X_WB = At(0, 0, -2 * half);
+      auto world = CollisionWorld::Create({under[k], Moving(shapes[l])}, {});
+      ASSERT_TRUE(world.has_value());
+      const Matrix3 turned = ExpRotation(Vector3(0, 0, 0.1));
+      const auto points = [&](double tilt) {
+        world->SetPose(1, RigidTransform(ExpRotation(tilt * Vector3(u(random), u(random), 0)) * turned,
+                                         Vector3(0, 0, -5e-6)));
+        std::vector<ContactPoint> contacts;
+        EXPECT_TRUE(world->Detect(contacts));
+        return contacts;
+      };
+      const auto level = points(0);
+      EXPECT_LE(level.size(), 17u);
+      for (int trial = 0; trial < 30; ++trial) {
+        const auto swaying = points(5e-5);
+        ASSERT_EQ(swaying.size(), level.size());
+        for (const ContactPoint& c : swaying)
+          EXPECT_TRUE(std::any_of(level.begin(), level.end(), [&](const ContactPoint& d) {
+            // Corners are 6 mm apart or more, but where two round faces overlap: there a neighbour serves as well.
+            return (d.point - c.point).norm() < 5e-3;
+          })) << c.point.transpose();
+      }
     }
 }
 
@@ -160,7 +211,7 @@ TEST(Patch, TheSameBitsEveryTime) {
   std::vector<ContactPoint> first, again;
   ASSERT_TRUE(world->Detect(first));
   ASSERT_TRUE(world->Detect(again));
-  ASSERT_EQ(first.size(), 8u);
+  ASSERT_GT(first.size(), 8u);
   ASSERT_EQ(again.size(), first.size());
   for (std::size_t i = 0; i < first.size(); ++i) {
     EXPECT_EQ(first[i].gap, again[i].gap);

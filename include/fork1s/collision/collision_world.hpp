@@ -33,8 +33,9 @@ struct ContactPoint {
 };
 
 struct CollisionOptions {
-  double margin = 0.001;    // m: contacts are reported from this gap on
-  bool multi_point = true;  // up to four points where flat convex shapes rest on each other, else one
+  double margin = 0.001;  // m: contacts are reported from this gap on
+  bool multi_point =
+      true;  // where flat convex shapes rest on each other: all corners of the overlap, else one point
 };
 
 /// Bodies are numbered in the order given. Bodies that do not move never touch each other.
