@@ -9,7 +9,7 @@ namespace fork1s::lab {
 namespace {
 
 using Matrix2 = Eigen::Matrix2d;
-constexpr double kMass = 0.5, kLength = 0.5, kGravity = 9.81;
+constexpr double kMass = 0.5, kLength = 0.5, kBobGravity = 9.81;
 
 struct Point {
   Vector2 z, w, p, rate;  // (r, θ), rates, momentum and its rate in world axes
@@ -18,7 +18,7 @@ struct Point {
 Vector2 Along(double angle) { return {std::sin(angle), -std::cos(angle)}; }
 Vector2 Across(double angle) { return {std::cos(angle), std::sin(angle)}; }
 Vector2 Force(const Vector2& z, double k) {
-  return -k * (z[0] - kLength) * Along(z[1]) - Vector2(0, kMass * kGravity);
+  return -k * (z[0] - kLength) * Along(z[1]) - Vector2(0, kMass * kBobGravity);
 }
 
 // m J(z) w = p̂ + b F(z), z = ẑ + b w
@@ -44,7 +44,7 @@ Point Solve(const Vector2& z_hat, const Vector2& p_hat, double b, double k, cons
 double Energy(const Point& x, double k) {
   const double stretch = x.z[0] - kLength;
   return x.p.squaredNorm() / (2 * kMass) + 0.5 * k * stretch * stretch +
-         kMass * kGravity * x.z[0] * Along(x.z[1])[1];
+         kMass * kBobGravity * x.z[0] * Along(x.z[1])[1];
 }
 
 }  // namespace
@@ -52,15 +52,15 @@ double Energy(const Point& x, double k) {
 PolarRun SimulatePolarBob(double k, double amplitude, Scheme scheme, double h, int steps) {
   const double g = 1 - 1 / std::numbers::sqrt2, s = (1 - g) / g, gamma = 2 - std::numbers::sqrt2,
                onward = 1 / (gamma * (2 - gamma));
-  Point x{{kLength + kMass * kGravity * std::cos(amplitude) / k, amplitude},
+  Point x{{kLength + kMass * kBobGravity * std::cos(amplitude) / k, amplitude},
           Vector2::Zero(),
           Vector2::Zero(),
           {}};
   x.rate = Force(x.z, k);
   Point before = x;
   PolarRun run;
-  const double stretch = kMass * kGravity / k, E0 = Energy(x, k),
-               lowest = 0.5 * k * stretch * stretch - kMass * kGravity * (kLength + stretch);
+  const double stretch = kMass * kBobGravity / k, E0 = Energy(x, k),
+               lowest = 0.5 * k * stretch * stretch - kMass * kBobGravity * (kLength + stretch);
   long iterations = 0, stages = 0;
   run.positions.push_back(x.z[0] * Along(x.z[1]));
   for (int i = 0; i < steps; ++i) {
