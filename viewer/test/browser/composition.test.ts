@@ -1,11 +1,12 @@
 // Nothing covers anything, whatever the size of the page and whatever is open.
 import { beforeAll, describe, expect, it } from 'vitest';
-import { ready, session, view, withoutPicture } from './support';
+import { ready, running, session, view, withoutPicture } from './support';
 
 const SIZES = [
   [1280, 720],
   [1920, 1080],
   [390, 844],
+  [844, 390],
 ] as const;
 
 interface Box {
@@ -70,7 +71,7 @@ describe.skipIf(!ready)('composition', () => {
       if (await settings.evaluate((panel) => panel.classList.contains('lil-closed') || panel.classList.contains('closed'))) await page.keyboard.press('s');
       await expect.poll(async () => (await settings.boundingBox())?.height ?? 0).toBeGreaterThan(100);
       apart(await boxes(), width, height);
-      if (width > 640) expect(await open('.side')).toBe(true);
+      if (width > 640 && height > 500) expect(await open('.side')).toBe(true);
       else expect(await open('.side')).toBe(false);
       // All plots with their scales can be reached.
       const reach = await page.locator('.plots').evaluate((plots) => plots.scrollWidth <= plots.clientWidth + 1 || plots.scrollHeight > plots.clientHeight || getComputedStyle(plots).overflowX === 'auto');
@@ -125,6 +126,88 @@ describe.skipIf(!ready)('composition', () => {
           });
       });
       expect(faint).toEqual([]);
+    });
+
+  const framed = [[1280, 720, 'every panel'], [390, 844, 'plots'], [844, 390, 'plots'], [844, 390, 'settings'], [390, 844, 'nothing']] as const;
+  for (const [width, height, shown] of framed)
+    it(`at ${width}x${height} the whole model is seen beside all panels, open: ${shown}`, async () => {
+      const { page } = live;
+      await page.setViewportSize({ width, height });
+      await page.evaluate(() => fork1s?.bench.side.close());
+      await page.locator('canvas.stage').focus();
+      const press = async (key: string, selector: string, on: boolean): Promise<void> => {
+        if ((await page.locator(selector).evaluate((e) => e.getBoundingClientRect().height > 60)) !== on) await page.keyboard.press(key);
+      };
+      await press('p', '.plots', shown === 'plots' || shown === 'every panel');
+      await press('s', '.lil-gui.panel', shown === 'settings' || shown === 'every panel');
+      if (shown === 'every panel') await page.keyboard.press('m');
+      await page.keyboard.press('f');
+      await expect
+        .poll(async () => {
+          const places = await page.evaluate(() => fork1s?.view.scene?.bodies.map((b, i) => ({ name: b.name, ...(fork1s?.screenOf(i) ?? { x: NaN, y: NaN }) })) ?? []);
+          const found = await boxes();
+          return places.flatMap(({ name, x, y }) => found.filter((b) => x > b.left && x < b.right && y > b.top && y < b.bottom).map((b) => `${name} under ${b.name}`));
+        })
+        .toEqual([]);
+    });
+
+  it('the camera stays where it is while lines of the legend come and go', async () => {
+    const { page } = live;
+    await page.setViewportSize({ width: 390, height: 844 });
+    await page.locator('canvas.stage').focus();
+    await page.keyboard.press('f');
+    const place = (): Promise<unknown> => page.evaluate(() => fork1s?.view.stage.camera.view);
+    const before = await place();
+    await page.evaluate(() => fork1s?.send({ type: 'pull', body: 0, point: [0, 0, 0], target: [0, 0, 1] }));
+    await page.waitForFunction(() => document.querySelector('.legend')?.textContent?.includes('pull'));
+    expect(await place()).toEqual(before);
+    await page.evaluate(() => fork1s?.send({ type: 'release' }));
+  });
+
+  for (const [width, height] of [[390, 844], [844, 390]] as const)
+    it(`on a phone of ${width}x${height} fingers find targets of 40 pixels, and nothing covers anything`, async () => {
+      const page = await live.browser.newPage({ viewport: { width, height }, hasTouch: true, isMobile: true });
+      await page.goto(live.program.address);
+      await running(page);
+      await withoutPicture(page);
+      const { page: other } = live;
+      live.page = page;
+      try {
+        await page.keyboard.press('p');
+        for (const tab of ['m', 'u', 'l']) {
+          await page.keyboard.press(tab);
+          const small = await page.evaluate(() =>
+            [...document.querySelectorAll<HTMLElement>('button, [role=tab], .side input:not([type=checkbox]), .side select, .side label, .row, .lil-gui .title')]
+              .map((e) => ({ text: `${e.className} ${e.title || (e.textContent ?? '')}`, box: e.getBoundingClientRect() }))
+              .filter(({ box }) => box.width > 0 && Math.min(box.width, box.height) < 39.5)
+              .map(({ text, box }) => `${text} ${box.width.toFixed(0)}x${box.height.toFixed(0)}`),
+          );
+          expect(small).toEqual([]);
+          apart(await boxes(), width, height);
+        }
+      } finally {
+        live.page = other;
+        await page.close();
+      }
+    });
+
+  for (const [width, height] of SIZES)
+    it(`at ${width}x${height} the card of keys lies within the page, over everything`, async () => {
+      const { page } = live;
+      await page.setViewportSize({ width, height });
+      await page.locator('canvas.stage').focus();
+      await page.keyboard.press('?');
+      const box = await page.locator('.help').boundingBox();
+      expect(Math.min(box?.x ?? -1, box?.y ?? -1)).toBeGreaterThanOrEqual(0);
+      expect((box?.x ?? NaN) + (box?.width ?? NaN)).toBeLessThanOrEqual(width);
+      expect((box?.y ?? NaN) + (box?.height ?? NaN)).toBeLessThanOrEqual(height);
+      const order = await page.evaluate(() => {
+        const level = (selector: string): number => Number(getComputedStyle(document.querySelector(selector) ?? document.body).zIndex);
+        return ['.legend', '.cover', '.hover', '.help'].map(level);
+      });
+      expect([...order].sort((a, b) => a - b)).toEqual(order);
+      expect(new Set(order).size).toBe(4);
+      await page.keyboard.press('Escape');
     });
 
   it('every control has a name, and the Tab key goes from the bar to the panels to the plots', async () => {
