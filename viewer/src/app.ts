@@ -156,10 +156,11 @@ export class App {
     };
     this.setDark(this.dark);
     this.view.restyle();
-    if (root.clientWidth < 900 || this.isSmall) this.panel.close();
+    if (this.isSmall) this.panel.close();
     bindKeys(this.keys);
     new ResizeObserver(() => this.resize()).observe(root);
-    new ResizeObserver(() => this.layOut()).observe(root.querySelector('.lil-gui.panel') ?? root);
+    const panels = new ResizeObserver(() => this.layOut());
+    for (const panel of root.querySelectorAll('.lil-gui.panel, .plots')) panels.observe(panel);
     this.resize();
     this.view.stage.renderer.setAnimationLoop((now) => this.draw(now));
   }
@@ -391,7 +392,6 @@ export class App {
     this.bench.askForSignals();
     this.root.classList.toggle('with-plots', this.plots.shown);
     this.bar.setPlots(this.plots.shown);
-    this.layOut();
   }
 
   private setDark(dark: boolean): void {
@@ -433,13 +433,14 @@ export class App {
     else this.problems.clearAll();
   }
 
-  /** A phone, upright or not, as in phone.css: one panel at a time has room. */
+  /** As in phone.css: one panel at a time has room. */
   private get isSmall(): boolean {
-    return this.root.clientWidth <= 640 || this.root.clientHeight <= 500;
+    return this.root.clientWidth < 900 || this.root.clientHeight <= 500;
   }
 
   private resize(): void {
     this.view.stage.resize(this.root.clientWidth, this.root.clientHeight);
+    if (this.isSmall && this.bench.side.shown) this.panel.close();
     if (this.plots.shown) this.plots.resize();
     this.layOut();
   }
@@ -454,7 +455,7 @@ export class App {
    * or of the head comes or goes, bodies would move away under the pointer.
    */
   private layOut(): void {
-    const parts = this.root.querySelectorAll('.head > .title, .head > .bar, .side, .legend, .lil-gui.panel, .timeline, .pick, .plots');
+    const parts = this.root.querySelectorAll('.head > .title, .head > .bar, .side, .legend, .lil-gui.panel, .timeline, .pick, .plots, .problem');
     const boxes = [...parts].map((part) => part.getBoundingClientRect()).filter((box) => box.width > 0);
     this.view.stage.frameIn(findFreeArea(this.root.clientWidth, this.root.clientHeight, boxes));
   }
