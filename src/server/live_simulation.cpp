@@ -373,7 +373,10 @@ void LiveSimulation::EncodeChangedMaps() {
 }
 
 Snapshot LiveSimulation::Capture(int viewers) {
-  if (viewers == 0) settings_.signals = settings_.error = false;  // they cost time
+  if (viewers == 0 && (settings_.signals || settings_.error)) {
+    settings_.signals = settings_.error = false;  // they cost time
+    PublishSettings();
+  }
   KeepAccuracy();
   EncodeChangedMaps();
   scalars_.time = time_offset_ + simulation_.time();

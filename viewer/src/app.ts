@@ -12,6 +12,7 @@ import { Bar, ghostText } from './ui/bar';
 import { element, saveFile } from './ui/dom';
 import { ForceLabel } from './ui/force_label';
 import { HoverLabel } from './ui/hover_label';
+import { findFreeArea } from './ui/free_area';
 import { Help } from './ui/help';
 import { bindKeys, isTextField } from './ui/keys';
 import { Legend } from './ui/legend';
@@ -45,6 +46,7 @@ export class App {
   private live: LiveStream | null = null;
   private ghostOn = false;
   private goesOn = false; // it ran when the user looked back
+  private laidOut = false; // the camera shows the model where the panels leave room
   private resuming = false; // it was told to go on, and frames still come from before that
   private foreign = false; // the program speaks another version of the stream
   private readonly bar: Bar;
@@ -73,7 +75,7 @@ export class App {
       pause: () => this.togglePause(),
       step: () => this.stepOnce(),
       reset: () => this.reset(),
-      home: () => this.view.stage.goHome(),
+      home: () => this.goHome(),
       theme: () => this.setDark(!this.dark),
       record: () => this.toggleRecording(),
       plots: () => this.showPlots(!this.plots.shown),
@@ -92,7 +94,8 @@ export class App {
       opened: (open) => {
         this.bar.setSide(open);
         if (this.bench.side.shown === 'signals') this.player.readSignals(this.store);
-        if (open && this.isNarrow) this.panel.close();
+        if (open && this.isSmall) this.panel.close();
+        this.layOut();
       },
     });
     root.append(messages);
@@ -101,8 +104,11 @@ export class App {
     this.legend = new Legend(root);
     this.panel = new Panel(root, this.view.options, {
       send: (request) => this.send(request),
-      changed: () => this.view.restyle(),
-      opened: () => this.isNarrow && this.bench.side.close(),
+      changed: () => {
+        this.view.restyle();
+        this.laidOut = false; // the legend changes
+      },
+      opened: () => this.isSmall && this.bench.side.close(),
       colouringChanged: () => this.bench.askForSignals(),
     });
     root.append(this.plots.root);
@@ -122,6 +128,7 @@ export class App {
       changed: (on) => {
         this.bar.setPicking(on);
         canvas.classList.toggle('picking', on);
+        this.layOut();
       },
     });
     const stretch = new Stretch(this.view.ellipsoids, this.bench.tuning.shape);
@@ -149,9 +156,11 @@ export class App {
     };
     this.setDark(this.dark);
     this.view.restyle();
-    if (root.clientWidth < 900) this.panel.close();
+    if (this.isSmall) this.panel.close();
     bindKeys(this.keys);
     new ResizeObserver(() => this.resize()).observe(root);
+    const panels = new ResizeObserver(() => this.layOut());
+    for (const panel of root.querySelectorAll('.lil-gui.panel, .plots')) panels.observe(panel);
     this.resize();
     this.view.stage.renderer.setAnimationLoop((now) => this.draw(now));
   }
@@ -207,6 +216,7 @@ export class App {
     this.bar.setReplay(playing, this.live !== null);
     this.panel.setEnabled(!playing);
     this.bench.setLive(!playing && this.live !== null);
+    this.layOut();
     if (playing) this.notices.uncover();
     else if (this.goesOn) {
       this.resuming = true;
@@ -349,6 +359,8 @@ export class App {
     this.bar.setGhost(this.ghostOn && !this.timeline ? ghostText(this.view.fullShown ? this.view.fullFrame : null, this.view.scene) : '');
     this.bar.setPaused(this.timeline ? !this.timeline.playing : frame.paused);
     this.legend.show(this.view, frame, this.scalar('load_factor'));
+    if (!this.laidOut) this.layOut();
+    this.laidOut = true;
   }
 
   private togglePause(): void {
@@ -394,7 +406,7 @@ export class App {
     ArrowRight: () => this.stepOnce(),
     ArrowLeft: () => this.lookBack(),
     Backspace: () => this.reset(),
-    f: () => this.view.stage.goHome(),
+    f: () => this.goHome(),
     t: () => this.setDark(!this.dark),
     r: () => this.toggleRecording(),
     p: () => this.showPlots(!this.plots.shown),
@@ -421,14 +433,31 @@ export class App {
     else this.problems.clearAll();
   }
 
-  /** One panel at a time has room. */
-  private get isNarrow(): boolean {
-    return this.root.clientWidth <= 640;
+  /** As in phone.css: one panel at a time has room. */
+  private get isSmall(): boolean {
+    return this.root.clientWidth < 900 || this.root.clientHeight <= 500;
   }
 
   private resize(): void {
     this.view.stage.resize(this.root.clientWidth, this.root.clientHeight);
+    if (this.isSmall && this.bench.side.shown) this.panel.close();
     if (this.plots.shown) this.plots.resize();
+    this.layOut();
+  }
+
+  private goHome(): void {
+    this.layOut();
+    this.view.stage.goHome();
+  }
+
+  /**
+   * Shows the model where the panels leave room. After what the user does alone: were it done whenever a line of the legend
+   * or of the head comes or goes, bodies would move away under the pointer.
+   */
+  private layOut(): void {
+    const parts = this.root.querySelectorAll('.head > .title, .head > .bar, .side, .legend, .lil-gui.panel, .timeline, .pick, .plots, .problem');
+    const boxes = [...parts].map((part) => part.getBoundingClientRect()).filter((box) => box.width > 0);
+    this.view.stage.frameIn(findFreeArea(this.root.clientWidth, this.root.clientHeight, boxes));
   }
 
   /** Where a point of a body lies on the page, in pixels. */

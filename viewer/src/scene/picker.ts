@@ -21,20 +21,20 @@ export class Picker {
     }
   }
 
-  /** x, y in pixels of the canvas, whose size is width x height. */
+  /** x, y in pixels of the canvas; the camera shows it by a view offset. */
   pick(renderer: THREE.WebGLRenderer, camera: THREE.PerspectiveCamera, x: number, y: number): Hit | null {
-    const { width, height } = renderer.domElement.getBoundingClientRect();
     const before = renderer.getRenderTarget();
     const clear = renderer.getClearColor(new THREE.Color());
     const alpha = renderer.getClearAlpha();
-    camera.setViewOffset(width, height, x, y, 1, 1);
+    const whole = { fullWidth: 1, fullHeight: 1, offsetX: 0, offsetY: 0, width: 1, height: 1, ...camera.view };
+    camera.setViewOffset(whole.fullWidth, whole.fullHeight, whole.offsetX + x, whole.offsetY + y, 1, 1);
     renderer.setRenderTarget(this.target);
     renderer.setClearColor(0x000000, 0);
     renderer.clear();
     renderer.render(this.scene, camera);
     renderer.setRenderTarget(before);
     renderer.setClearColor(clear, alpha);
-    camera.clearViewOffset();
+    camera.setViewOffset(whole.fullWidth, whole.fullHeight, whole.offsetX, whole.offsetY, whole.width, whole.height);
     renderer.readRenderTargetPixels(this.target, 0, 0, 1, 1, this.pixel);
     const [px = 0, py = 0, pz = 0, id = 0] = this.pixel;
     return id > 0.5 ? { body: Math.round(id) - 1, point: new THREE.Vector3(px, py, pz) } : null;

@@ -1,6 +1,7 @@
 // Renderer, camera, light and ground.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
+import { squareSide, type Area } from '../ui/free_area';
 import { PlanesView } from './planes_view';
 import { LIGHT, type Theme } from './theme';
 
@@ -111,8 +112,7 @@ export class Stage {
   frame(box: THREE.Box3, ground: number, stay = false): void {
     const centre = box.getCenter(new THREE.Vector3());
     this.radius = Math.max(1e-3, 0.5 * box.getSize(new THREE.Vector3()).length());
-    const half = THREE.MathUtils.degToRad(0.5 * this.camera.fov);
-    const distance = (this.radius * 1.12) / Math.sin(Math.min(half, Math.atan(Math.tan(half) * this.camera.aspect)));
+    const distance = (this.radius * 1.12) / Math.sin(THREE.MathUtils.degToRad(0.5 * this.camera.fov));
     this.home.target.copy(centre);
     this.home.position.copy(centre).addScaledVector(new THREE.Vector3(1, -1.25, 0.72).normalize(), distance);
     this.camera.near = distance / 200;
@@ -188,8 +188,14 @@ export class Stage {
   resize(width: number, height: number): void {
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / Math.max(1, height);
-    this.camera.updateProjectionMatrix();
+  }
+
+  /** The camera's field of view is the largest square in the middle of this area of the canvas [pixels]; the canvas shows what lies around it, too. */
+  frameIn(area: Area): void {
+    const { width, height } = this.renderer.getSize(new THREE.Vector2());
+    const side = Math.max(1, squareSide(area));
+    this.camera.setViewOffset(side, side, (side - area.left - area.right) / 2, (side - area.top - area.bottom) / 2, width, height);
+    this.controls.panSpeed = height / side; // the controls take the canvas's height for the field of view's
   }
 
   render(): void {

@@ -4,6 +4,7 @@ import type { Frame, SceneMessage, TunableInfo } from '../wire/messages';
 import { element, shortUnit, withUnit } from './dom';
 
 const MOST_LINES = 8;
+const GAP = 16; // to the pointer [pixels]
 
 /** Stiffness of every joint of a body and of the servos on it, as they are tuned now. */
 function stiffnessLines(scene: SceneMessage, body: number, items: readonly TunableInfo[]): string[] {
@@ -53,6 +54,8 @@ export class HoverLabel {
   private readonly label: HTMLElement;
   private body = -1;
   private text = '';
+  private x = 0;
+  private y = 0;
 
   constructor(private readonly parent: HTMLElement) {
     this.label = element('div', 'hover box', parent);
@@ -63,20 +66,23 @@ export class HoverLabel {
   /** Which body the pointer is over, -1: none; x, y in pixels of the page. */
   at(body: number, x: number, y: number): void {
     this.body = body;
-    const right = x > 0.6 * this.parent.clientWidth;
-    const low = y > 0.6 * this.parent.clientHeight;
-    this.label.style.left = right ? '' : `${x + 16}px`;
-    this.label.style.right = right ? `${this.parent.clientWidth - x + 16}px` : '';
-    this.label.style.top = low ? '' : `${y + 16}px`;
-    this.label.style.bottom = low ? `${this.parent.clientHeight - y + 16}px` : '';
+    this.x = x;
+    this.y = y;
+  }
+
+  /** Right of the pointer and below it, else left and above, and within the page in any case. */
+  private place(): void {
+    const beside = (at: number, size: number, end: number): string =>
+      `${at + GAP + size <= end ? at + GAP : Math.max(0, at - GAP - size)}px`;
+    this.label.style.left = beside(this.x, this.label.offsetWidth, this.parent.clientWidth);
+    this.label.style.top = beside(this.y, this.label.offsetHeight, this.parent.clientHeight);
   }
 
   show(scene: SceneMessage | null, frame: Frame | null, items: readonly TunableInfo[]): void {
     const lines = scene && frame && this.body >= 0 ? hoverLines(scene, frame, this.body, items) : [];
     this.label.hidden = lines.length === 0;
     const text = lines.join('\n');
-    if (text === this.text) return;
-    this.text = text;
-    this.label.textContent = text;
+    if (text !== this.text) this.label.textContent = this.text = text;
+    if (text) this.place();
   }
 }

@@ -54,7 +54,7 @@ export class Legend {
     if (options.compliance && view.ellipsoids.newtons > 0)
       parts.push([css(FULL), `compliance: motion under ${shortUnit(view.ellipsoids.newtons, 'N')}`]);
     if (Number.isFinite(loadFactor))
-      parts.push(['', `grasp load factor ${loadFactor.toFixed(2)}${loadFactor < SAFE_LOAD_FACTOR ? ': may eject' : ''}`]);
+      parts.push(['', `grasp load factor ${withUnit(loadFactor, '').trim()}${loadFactor < SAFE_LOAD_FACTOR ? ': may eject' : ''}`]);
     if (view.stage.gridShown) parts.push(['', `grid: ${shortUnit(view.stage.gridSpacing, 'm')}`]);
     const text = JSON.stringify(parts);
     if (text === this.shown) return;

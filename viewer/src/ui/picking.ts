@@ -52,8 +52,8 @@ export class Picking {
     this.on = true;
     this.chosen = new Set(this.scene?.bodies.flatMap((body, b) => (body.interface ? [b] : [])));
     this.card.hidden = false;
+    this.update(); // the card's size depends on its text
     this.actions.changed(true);
-    this.update();
   }
 
   private end(): void {

@@ -149,8 +149,8 @@ export class Plots {
         const signal = this.store.find(key);
         const label = element('span', '', names);
         const prefix = signal && ['joint_force', 'actuator', 'error'].includes(signal.group) ? `${key.split(':')[0] ?? ''} ` : '';
-        label.textContent = `${prefix}${signal?.title ?? key}${signal?.unit ? ` [${signal.unit}]` : ''}`;
-        label.title = label.textContent;
+        label.title = `${prefix}${signal?.title ?? key}${signal?.unit ? ` [${signal.unit}]` : ''}`;
+        label.title.split(/(?<=_)/).forEach((part) => label.append(part, document.createElement('wbr')));
         if (i > 0) label.style.color = colors[i % colors.length] ?? text;
       });
       const close = element('button', 'close', caption);
@@ -208,9 +208,10 @@ export class Plots {
     });
   }
 
-  /** They share the width as long as each has enough; more of them scroll, and narrow pages have rows of two. */
+  /** They share the width as long as each has enough; more of them scroll, and narrow pages have rows of two or one. */
   private cellWidth(): number {
     const width = this.root.clientWidth;
+    if (width <= 340) return width - 34;
     if (width <= 620) return Math.max(130, (width - 34) / 2);
     return Math.max(170, (width - 60) / Math.max(1, this.keys.length) - 6);
   }

@@ -103,6 +103,8 @@ describe.skipIf(!ready)('pictures of planes', () => {
 
   // The ground is transparent: whatever is drawn before it and writes no depth disappears.
   it('show contact forces that lie over them', async () => {
+    await live.page.setViewportSize({ width: 480, height: 640 }); // an arrow is wider than a pixel
+    await live.page.waitForFunction(() => fork1s?.view.stage.renderer.domElement.clientHeight === 640);
     const seen = await live.page.evaluate(() => {
       const { view: shown } = fork1s ?? {};
       if (!shown?.scene || !shown.frame) return [];

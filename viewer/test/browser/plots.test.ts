@@ -1,6 +1,6 @@
 // Plots begin with what moves and bears, take two signals of two units, and are looked at closely by dragging.
 import { beforeAll, describe, expect, it } from 'vitest';
-import { ready, session, view, withoutPicture } from './support';
+import { ready, running, session, view, withoutPicture } from './support';
 
 describe.skipIf(!ready)('plots', () => {
   const live = session(() => view('hexapod.xml'));
@@ -19,6 +19,19 @@ describe.skipIf(!ready)('plots', () => {
     expect(shown[0]?.length).toBe(3);
     await live.page.waitForFunction((keys) => keys.every((key) => Number.isFinite(fork1s?.store.now(key) ?? NaN)), shown.flat());
     expect(await live.page.evaluate((key) => fork1s?.store.now(key) ?? NaN, shown[3]?.[0] ?? '')).toBeGreaterThan(10); // mm above the ground
+  });
+
+  it('of a page that is loaded anew have values of all, too', async () => {
+    await live.page.goto('about:blank');
+    await new Promise((done) => setTimeout(done, 1000)); // frames for nobody
+    await live.page.goto(live.program.address);
+    await running(live.page);
+    await withoutPicture(live.page);
+    await live.page.keyboard.press('p');
+    await live.page.waitForFunction(() => {
+      const shown = fork1s?.plots.signals.flat() ?? [];
+      return shown.length > 5 && shown.every((key) => Number.isFinite(fork1s?.store.now(key) ?? NaN));
+    });
   });
 
   it('show the whole caption of three overlaid signals', async () => {

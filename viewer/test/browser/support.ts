@@ -2,7 +2,7 @@
 import { spawn, type ChildProcess } from 'node:child_process';
 import { existsSync } from 'node:fs';
 import { isAbsolute, join } from 'node:path';
-import { chromium, type Browser, type Page } from 'playwright-core';
+import { chromium, type Browser, type BrowserContextOptions, type Page } from 'playwright-core';
 import { afterAll, beforeAll, inject } from 'vitest';
 import type { App } from '../../src/app';
 
@@ -101,8 +101,8 @@ export const withoutPicture = (page: Page): Promise<void> =>
   });
 
 /** Opens a page and fails the test on any error in it. */
-export async function open(browser: Browser, address: string): Promise<Page> {
-  const page = await browser.newPage({ viewport: { width: 480, height: 320 } });
+export async function open(browser: Browser, address: string, options: BrowserContextOptions = {}): Promise<Page> {
+  const page = await browser.newPage({ viewport: { width: 480, height: 320 }, ...options });
   await page.addInitScript(drawSeldom, PICTURE_MS);
   page.setDefaultTimeout(120_000); // a page drawn in software beside other work loads in 30 s or not: no test is about that
   page.on('pageerror', (error) => {

@@ -3,7 +3,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { poseOf, ready, session, view, withoutPicture } from './support';
+import { poseOf, ready, screenOf, session, view, withoutPicture } from './support';
 
 const ARM = `<mujoco model="arm">
   <!-- what a person wrote stays -->
@@ -188,6 +188,13 @@ describe.skipIf(!ready)('tuning', () => {
     const button = page.getByRole('button', { name: "Make 'forearm' an interface" });
     await button.waitFor();
     expect(await page.locator('.advice').innerText()).toMatch(/'forearm' passed [\d.]+ mm into 'world'/);
+    expect(await button.evaluate((b) => getComputedStyle(b).fontSize)).toBe('13px');
+    await page.setViewportSize({ width: 1280, height: 720 });
+    await page.locator('canvas.stage').focus();
+    await page.keyboard.press('f');
+    const card = await page.locator('.advice .problem').boundingBox();
+    const { x, y } = await screenOf(page, 'hand');
+    expect(card && x > card.x && x < card.x + card.width && y > card.y && y < card.y + card.height).toBe(false);
     await button.click();
     await page.waitForFunction(() => fork1s?.view.scene?.bodies.find((b) => b.name === 'forearm')?.interface === true);
     await page.waitForFunction(() => (fork1s?.view.frame?.contacts.length ?? 0) > 0);
