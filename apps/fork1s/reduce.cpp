@@ -7,6 +7,7 @@
 #include <fork1s/reduction/compliance.hpp>
 #include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
+#include <iterator>
 #include <memory>
 
 #include "checks.hpp"
@@ -14,6 +15,7 @@
 #include "mode_line.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
+#include "point_output.hpp"
 #include "print.hpp"
 #include "study/deflection.hpp"
 
@@ -44,15 +46,14 @@ Json LoadedJson(const Expected<LoadedState>& loaded, double length) {
   out["stable"] = tangent.IsStable();
   out["lowest_stiffness_Nm"] = tangent.lowest();
   out["frequencies_hz"] = loaded->frequencies_hz;
-  out["compliance_world"] = ToJson(loaded->compliance.C);
-  out["stiffness_world"] = loaded->compliance.C.size() > 0
-                               ? ToJson(StiffnessFromCompliance(loaded->compliance, length))
-                               : Json(nullptr);
+  out["compliance_world"] = loaded->compliance.free.cols() > 0 ? Json(nullptr) : ToJson(loaded->compliance.C);
+  out["stiffness_world"] = ToJson(StiffnessFromCompliance(loaded->compliance, length));
   out["base_held"] = true;
   return out;
 }
 
 Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFreeMotion on_free,
+                         const std::vector<NamedPoint>& points, const std::optional<Vector3>& along,
                          ReducedModel& model) {
   const Mechanism& m = *posed.mechanism;
   const auto start = std::chrono::steady_clock::now();
@@ -73,7 +74,10 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
   Json warnings = Json::array();
   for (const std::string& w : model.warnings) warnings.push_back(w);
   // Without a lock the bodies that no spring holds have no compliance, and none is printed.
-  const auto locked = CoordinatesToLock(m, posed.q, model.interfaces, on_free);
+  std::vector<BodyIndex> held_bodies = model.interfaces;
+  if (on_free == OnFreeMotion::kLock)
+    for (const NamedPoint& point : points) held_bodies.push_back(m.FindBody(point.body));
+  const auto locked = CoordinatesToLock(m, posed.q, held_bodies, on_free);
   const std::vector<int> held = locked.value_or(std::vector<int>{});
   // By two roads, which share no decision; where they part the figure is not to be trusted.
   const InterfaceCompliance compliance = WalkCompliance(m, posed.q, model.interfaces, held);
@@ -99,6 +103,10 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
                            {"reduced", ReducedFrequencies(model, count)}};
   const auto loaded = ComputeLoadedState(posed, model.interfaces, scene.gravity, held, count);
   out["loaded"] = LoadedJson(loaded, m.length_scale());
+  std::vector<MeasuredPoint> measured;
+  for (const NamedPoint& point : points)
+    measured.push_back(MeasurePoint(posed, point, held, loaded ? &*loaded : nullptr));
+  out["points"] = PointsJson(measured, along);
   if (!loaded) warnings.push_back(loaded.error().message);
   if (loaded && !loaded->tangent.IsStable())
     warnings.push_back(
@@ -178,6 +186,7 @@ void Print(const Json& d, const Mechanism& m) {
   PrintCompliance(d["interfaces"], C, "of the springs alone" + held);
   if (const Json& loaded = d["loaded"]; !loaded.is_null())
     PrintCompliance(d["interfaces"], loaded["compliance_world"], "about the loaded equilibrium" + held);
+  PrintPoints(d["points"]);
   if (!d["free_motions"].empty()) {
     PrintText("  free of springs ({}){}:\n", d["free_motions"].size(),
               C.is_null() ? ", so that the compliance of the springs has no bound; --lock-free gives it "
@@ -207,6 +216,7 @@ void AddReduce(CLI::App& app, Action& action) {
   auto model = std::make_shared<ModelArguments>();
   auto file = std::make_shared<std::string>();
   auto buffers = std::make_shared<std::string>();
+  auto points = std::make_shared<PointArguments>();
   auto recovery = std::make_shared<Recovery>(Recovery::kExact);
   auto lock_free = std::make_shared<bool>(false);
   model->AddTo(*command);
@@ -214,15 +224,23 @@ void AddReduce(CLI::App& app, Action& action) {
       "--lock-free", *lock_free,
       "compliance with a joint locked for each motion that no spring resists; without it there is none "
       "where such a motion moves an interface body");
+  points->AddTo(
+      *command,
+      "BODY:x,y,z in m from the body's origin, in its axes: a point at which compliance and stiffness "
+      "are measured; may be repeated");
   command->add_option("--out", *file, "write the reduced model to this HDF5 file");
   auto* folder = command->add_option(
       "--buffers", *buffers,
       "write recovery.json and recovery.bin, by which shaders pose all bodies, into this folder");
   AddRecoveryTo(*command, *recovery);
   command->get_option("--recovery")->needs(folder);
-  command->callback([&action, model, file, buffers, recovery, lock_free] {
-    action = [model, file, buffers, recovery, lock_free]() -> int {
+  command->callback([&action, model, file, buffers, points, recovery, lock_free] {
+    action = [model, file, buffers, points, recovery, lock_free]() -> int {
       if (auto ok = RefuseInputs(*file, {model->path}); !ok) return Report(ok.error(), model->json);
+      const auto along = points->Direction();
+      if (!along) return Report(along.error(), model->json);
+      const auto named = points->Points("");
+      if (!named) return Report(named.error(), model->json);
       auto imported = model->Load();
       if (!imported) return Report(imported.error(), model->json);
       auto posed = PoseMechanisms(*imported);
@@ -231,12 +249,22 @@ void AddReduce(CLI::App& app, Action& action) {
         return Report(
             {ErrorCode::kModel, model->path, "holds no mechanism, only free bodies; nothing can be reduced"},
             model->json);
+      for (const NamedPoint& point : *named)
+        if (!FindMechanism(*posed, point.body))
+          return Report({ErrorCode::kUsage, model->path + ", --point",
+                         fmt::format("no mechanism has a body '{}'", point.body)},
+                        model->json);
       if (!model->json) PrintNotes(imported->report);
       std::vector<Json> all;
       for (std::size_t i = 0; i < posed->size(); ++i) {
         ReducedModel reduced;
-        auto one = ReduceOne((*posed)[i], imported->scene,
-                             *lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse, reduced);
+        std::vector<NamedPoint> its_points;
+        std::copy_if(
+            named->begin(), named->end(), std::back_inserter(its_points),
+            [&](const NamedPoint& point) { return FindMechanism(*posed, point.body) == &(*posed)[i]; });
+        auto one =
+            ReduceOne((*posed)[i], imported->scene, *lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse,
+                      its_points, *along, reduced);
         if (!one) {
           Error error = one.error();
           error.where = model->path + ": " + error.where;

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -7,6 +8,7 @@
 
 #include "model_arguments.hpp"
 #include "output.hpp"
+#include "point_output.hpp"
 #include "print.hpp"
 #include "study/deflection.hpp"
 
@@ -17,7 +19,8 @@ constexpr double kDegrees = 180 / std::numbers::pi;
 
 struct StaticsArguments {
   ModelArguments model;
-  std::string body, force = "0,0,0", torque = "0,0,0", point = "0,0,0", gravity;
+  PointArguments points;
+  std::string body, force = "0,0,0", torque = "0,0,0", gravity;
   bool lock_free = false;
   int buckling = 0;
 };
@@ -26,23 +29,6 @@ Json DeflectionJson(const Deflection& d) {
   return {{"position_m", ToJson(d.position_W)},
           {"rotation_vector_rad", ToJson(d.rotation_W)},
           {"max_joint_rotation_deg", d.max_joint_rotation * kDegrees}};
-}
-
-bool Has(const std::vector<PosedMechanism>& mechanisms, const std::string& body) {
-  return std::any_of(mechanisms.begin(), mechanisms.end(),
-                     [&](const PosedMechanism& p) { return p.mechanism->FindBody(body).valid(); });
-}
-
-// Force along an axis per displacement along it, the other axes and rotations free: null where the point is
-// rigid.
-Json StiffnessAlongAxes(const MatrixX& C) {
-  if (C.size() == 0) return nullptr;
-  constexpr double kRounding = 1e-12;
-  const double largest = C.diagonal().tail<3>().cwiseAbs().maxCoeff();
-  Json all = Json::array();
-  for (int i = 3; i < 6; ++i)
-    all.push_back(std::abs(C(i, i)) > kRounding * largest ? Json(1 / C(i, i)) : Json(nullptr));
-  return all;
 }
 
 Json BucklingJson(const LoadedBody& loaded) {
@@ -67,14 +53,30 @@ void PrintBuckling(const LoadedBody& loaded) {
   }
 }
 
+std::string HertzText(const std::vector<double>& hertz) {
+  return hertz.empty() ? "none" : fmt::format("{:.5g}", fmt::join(hertz, ", "));
+}
+
 int Run(const StaticsArguments& args) {
   const bool json = args.model.json;
   auto force = ParseVector(args.force, "--force");
   auto torque = ParseVector(args.torque, "--torque");
   if (!force) return Report(force.error(), json);
   if (!torque) return Report(torque.error(), json);
-  auto point = ParseVector(args.point, "--point");
-  if (!point) return Report(point.error(), json);
+  const auto along = args.points.Direction();
+  if (!along) return Report(along.error(), json);
+  auto points = args.points.Points(args.body);
+  if (!points) return Report(points.error(), json);
+  if (args.body.empty() && points->empty())
+    return Report({ErrorCode::kUsage, "--body", "which body is loaded? --body or --point names it"}, json);
+  // The load acts at the first point of the loaded body.
+  NamedPoint at{args.body.empty() ? points->front().body : args.body};
+  const auto first =
+      std::find_if(points->begin(), points->end(), [&](const NamedPoint& p) { return p.body == at.body; });
+  if (first != points->end()) {
+    at = *first;
+    points->erase(first);
+  }
   auto imported = args.model.Load();
   if (!imported) return Report(imported.error(), json);
   Vector3 gravity_W = imported->scene.gravity;
@@ -86,31 +88,34 @@ int Run(const StaticsArguments& args) {
   auto posed = PoseMechanisms(*imported);
   if (!posed) return Report(posed.error(), json);
   if (!json) PrintNotes(imported->report);
-  const OnFreeMotion on_free = args.lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse;
-  const auto result =
-      Deflect(*posed, {args.body, *force, *torque, *point}, gravity_W, on_free, args.buckling);
+  const DeflectionOptions options{args.lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse, args.buckling,
+                                  *points};
+  const auto result = Deflect(*posed, {at.body, *force, *torque, at.p_B}, gravity_W, options);
   if (!result) {
     Error error = result.error();
     error.where = args.model.path + (error.where.empty() ? "" : ": " + error.where);
-    if (!Has(*posed, args.body)) {  // a word of the command line, not of the file
-      error.code = ErrorCode::kUsage;
-      error.where = args.model.path + ", --body";
+    const auto is_unknown = [&](const NamedPoint& p) { return !FindMechanism(*posed, p.body); };
+    if (is_unknown(at) || std::any_of(points->begin(), points->end(), is_unknown)) {
+      error.code = ErrorCode::kUsage;  // a word of the command line, not of the file
+      error.where = args.model.path + (args.body.empty() || !is_unknown(at) ? ", --point" : ", --body");
     }
     return Report(error, json);
   }
   // Gravity and set-points move it too, far if the pose is none where servos hold it.
-  const auto unloaded =
-      Deflect(*posed, {args.body, Vector3::Zero(), Vector3::Zero(), *point}, gravity_W, on_free);
+  const auto unloaded = Deflect(*posed, {at.body, Vector3::Zero(), Vector3::Zero(), at.p_B}, gravity_W,
+                                {options.on_free, 0, {}});
+  const Json measured = PointsJson(result->points, *along);
 
   if (json) {
     Json out = DeflectionJson(result->nonlinear);
     out["unloaded"] = unloaded ? DeflectionJson(unloaded->nonlinear) : Json(nullptr);
     out["linear"] = DeflectionJson(result->linear);
-    out["body"] = args.body;
-    out["point_m"] = ToJson(*point);
-    out["compliance_world"] = ToJson(result->compliance.C);
-    out["stiffness_world"] = ToJson(result->stiffness);
-    out["stiffness_along_axes_N_per_m"] = StiffnessAlongAxes(result->compliance.C);
+    out["body"] = at.body;
+    out["point_m"] = ToJson(at.p_B);
+    for (const char* key : {"compliance_world", "stiffness_world", "stiffness_along_axes_N_per_m"})
+      out[key] = measured[0]["loaded"][key];
+    out["points"] = measured;
+    out["frequencies_hz"] = {{"springs", result->spring_frequencies_hz}, {"loaded", result->frequencies_hz}};
     if (args.buckling > 0) out["buckling"] = BucklingJson(*result);
     out["reference_position_m"] = ToJson(result->reference_position_W);
     out["iterations"] = result->iterations;
@@ -128,7 +133,7 @@ int Run(const StaticsArguments& args) {
   }
   std::string held = result->floats ? ", base held" : "";
   for (const std::string& name : result->locked) held += fmt::format(", '{}' locked", name);
-  PrintText("body '{}' under {} N, {} N m{}\n", args.body, args.force, args.torque, held);
+  PrintText("body '{}' under {} N, {} N m{}\n", at.body, args.force, args.torque, held);
   PrintText("  {:<10} {:>36} {:>36} {:>12}\n", "", "moved by mm", "turned by deg", "joints deg");
   std::vector<std::pair<const char*, Deflection>> rows = {{"linear", result->linear},
                                                           {"nonlinear", result->nonlinear}};
@@ -141,12 +146,9 @@ int Run(const StaticsArguments& args) {
   for (const std::string& sentence : result->beyond_stops) PrintText("  warning: {}\n", sentence);
   PrintText("  {} equilibrium, lowest eigenvalue of the tangent stiffness {:.4g} N m\n",
             result->stable ? "stable" : "unstable", result->lowest_stiffness);
-  const Json along = StiffnessAlongAxes(result->compliance.C);
-  if (!along.is_null()) {
-    std::string text;
-    for (const Json& k : along) text += k.is_null() ? "  rigid" : fmt::format("  {:.5g}", k.get<double>());
-    PrintText("  stiffness about it along x, y, z [N/m]:{}\n", text);
-  }
+  PrintText("  frequencies [Hz] of the springs alone: {}; about this equilibrium{}: {}\n",
+            HertzText(result->spring_frequencies_hz), held, HertzText(result->frequencies_hz));
+  PrintPoints(measured);
   if (args.buckling > 0) PrintBuckling(*result);
   if (!result->limit_shares.empty()) {
     std::string shares;
@@ -168,13 +170,14 @@ void AddStatics(CLI::App& app, Action& action) {
       app.add_subcommand("statics", "deflection, stiffness, stability and buckling under a dead load");
   auto args = std::make_shared<StaticsArguments>();
   args->model.AddTo(*command);
-  command->add_option("--body", args->body, "body that is loaded")->required();
+  command->add_option("--body", args->body, "body that is loaded (default: that of the first --point)");
   command->add_option("--force", args->force, "x,y,z in N, world axes, fixed in direction");
   command->add_option("--torque", args->torque, "x,y,z in N m, world axes, fixed in direction");
-  command->add_option(
-      "--point", args->point,
-      "x,y,z in m from the body's origin, in its axes: where the load acts, moves and stiffness "
-      "are measured");
+  args->points.AddTo(
+      *command,
+      "[BODY:]x,y,z in m from the body's origin (default: the loaded body's), in its axes: the "
+      "load acts and moves at the first one of its body, at each stiffness is measured; may be "
+      "repeated");
   command
       ->add_option("--buckling", args->buckling,
                    "so many lowest multiples of the load at which it buckles (linear), with their modes")

@@ -84,33 +84,13 @@ MatrixX Unresisted(const Mechanism& mechanism, const VectorX& q, const StaticsOp
   return EchelonBasis(out);
 }
 
-}  // namespace
-
-std::string FreeMotion::Text(const Mechanism& mechanism) const {
-  std::vector<std::string> names;
-  for (const JointIndex j : joints) names.push_back("'" + mechanism.joint(j).name + "'");
-  const std::string first = mechanism.joint(joints.front()).name;
-  std::string text = body.valid() ? fmt::format("body '{}' is free to {}: ", mechanism.body(body).name,
-                                                MotionText(twist, mechanism.length_scale()))
-                                  : std::string("no body that touches moves, but ");
-  text += joints.size() == 1
-              ? fmt::format("no spring or servo holds joint {}", names[0])
-              : fmt::format("no spring or servo resists joints {} moving together", List(names, 5));
-  if (!ties.empty() && joints.size() > 1) text += fmt::format(", which {} leaves free", List(ties, 3));
-  return text + fmt::format("; give {} a stiffness or hold it by PD gains, {}=KP,KV",
-                            joints.size() == 1 ? "it" : "one of them", first);
-}
-
-std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const VectorX& q,
-                                        std::vector<BodyIndex> bodies, const StaticsOptions* loads) {
+// The motions N (n x k in one unit, an echelon basis), as they move the bodies; all where none is named.
+std::vector<FreeMotion> DescribeMotions(const Mechanism& mechanism, const Kinematics& kinematics,
+                                        const VectorX& unit, const MatrixX& N,
+                                        std::vector<BodyIndex> bodies) {
+  if (N.cols() == 0) return {};
   if (bodies.empty())
     for (int b = 0; b < mechanism.num_bodies(); ++b) bodies.push_back(BodyIndex(b));
-  Kinematics kinematics(mechanism);
-  ComputeKinematics(mechanism, q, kinematics);
-  const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
-  MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
-  if (loads && N.cols() > 0) N = Unresisted(mechanism, q, *loads, basis.scale, N);
-  if (N.cols() == 0) return {};
   const double L = mechanism.length_scale();
   const Matrix6 to_world = internal::WorldAxes(mechanism, 1);
   const MatrixX J = internal::ScaledInterfaceJacobian(mechanism, kinematics, bodies, 1.0);
@@ -118,7 +98,7 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
   for (Eigen::Index k = 0; k < N.cols(); ++k) {
     const VectorX x = N.col(k);
     FreeMotion motion;
-    motion.q = basis.scale.cwiseProduct(x);
+    motion.q = unit.cwiseProduct(x);
     double largest = 0;
     for (int i = 0; i < mechanism.num_coordinates(); ++i)
       if (std::abs(x(i)) > largest && (N.row(i).array() != 0).count() == 1) {
@@ -149,6 +129,43 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
     motions.push_back(std::move(motion));
   }
   return motions;
+}
+
+}  // namespace
+
+std::string FreeMotion::Text(const Mechanism& mechanism) const {
+  std::vector<std::string> names;
+  for (const JointIndex j : joints) names.push_back("'" + mechanism.joint(j).name + "'");
+  const std::string first = mechanism.joint(joints.front()).name;
+  std::string text = body.valid() ? fmt::format("body '{}' is free to {}: ", mechanism.body(body).name,
+                                                MotionText(twist, mechanism.length_scale()))
+                                  : std::string("no body that touches moves, but ");
+  text += joints.size() == 1
+              ? fmt::format("no spring or servo holds joint {}", names[0])
+              : fmt::format("no spring or servo resists joints {} moving together", List(names, 5));
+  if (!ties.empty() && joints.size() > 1) text += fmt::format(", which {} leaves free", List(ties, 3));
+  return text + fmt::format("; give {} a stiffness or hold it by PD gains, {}=KP,KV",
+                            joints.size() == 1 ? "it" : "one of them", first);
+}
+
+std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const VectorX& q,
+                                        const std::vector<BodyIndex>& bodies, const StaticsOptions* loads) {
+  Kinematics kinematics(mechanism);
+  ComputeKinematics(mechanism, q, kinematics);
+  const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
+  MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
+  if (loads && N.cols() > 0) N = Unresisted(mechanism, q, *loads, basis.scale, N);
+  return DescribeMotions(mechanism, kinematics, basis.scale, N, bodies);
+}
+
+std::vector<FreeMotion> FindSingularMotions(const Mechanism& mechanism, const VectorX& q,
+                                            const TangentStiffness& tangent,
+                                            const std::vector<BodyIndex>& bodies) {
+  Kinematics kinematics(mechanism);
+  ComputeKinematics(mechanism, q, kinematics);
+  const VectorX unit = ComputeOneUnit(mechanism, kinematics).coordinate;
+  const MatrixX N = EchelonBasis(ScaledRows(unit.cwiseInverse(), tangent.SingularMotions()));
+  return DescribeMotions(mechanism, kinematics, unit, N, bodies);
 }
 
 }  // namespace fork1s

@@ -98,16 +98,17 @@ InterfaceCompliance TangentCompliance(const Mechanism& mechanism, const VectorX&
     const Vector3 arm = kinematics.X_RB[points[i].body.u()].rotation() * points[i].p_B;
     J.middleRows(row + 3, 3) -= Skew(arm) * J.middleRows(row, 3);
   }
-  J = Times(internal::WorldAxes(mechanism, points.size()), J);
   const double L = mechanism.length_scale();
   const std::vector<int> regular = Regular(tangent);
-  InterfaceCompliance out;
-  out.free =
-      internal::FromLengths(RangeBasis(internal::InLengths(Times(J, tangent.SingularMotions()), L)), L);
+  const internal::FreeMotions free =
+      internal::FreeMotionsOf(internal::InLengths(Times(J, tangent.SingularMotions()), L));
   const MatrixX V = Times(J, Columns(tangent.eigenvectors, regular));
-  out.rank = ComputeNullSpace(internal::InLengths(V, L)).rank.value;
-  if (out.free.cols() == 0)
-    out.C = DiagonalCongruence(Entries(tangent.eigenvalues, regular).cwiseInverse(), V.transpose());
+  InterfaceCompliance out;
+  out.C = internal::WithoutFree(
+      mechanism, DiagonalCongruence(Entries(tangent.eigenvalues, regular).cwiseInverse(), V.transpose()),
+      free);
+  out.free = Times(internal::WorldAxes(mechanism, points.size()), internal::FromLengths(free.basis, L));
+  out.rank = ComputeNullSpace(free.Without(internal::InLengths(V, L))).rank.value;
   return out;
 }
 

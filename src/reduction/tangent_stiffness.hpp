@@ -22,8 +22,7 @@ struct BodyPoint {
   Vector3 p_B = Vector3::Zero();  // m, from the body's origin
 };
 /// Displacement [rotation; translation] of each point per load [moment; force] on each, world axes, about the
-/// equilibrium q, the base held: C = J K_t⁻¹ Jᵀ. Where a motion of no stiffness moves a point, as `free` has
-/// it, C is empty.
+/// equilibrium q, the base held: C = J K_t⁻¹ Jᵀ, projected off the motions of no stiffness (InterfaceCompliance).
 InterfaceCompliance TangentCompliance(const Mechanism& mechanism, const VectorX& q,
                                       const TangentStiffness& tangent, const std::vector<BodyPoint>& points);
 

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <fork1s/mechanism/kinematics.hpp>
+#include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
 
 #include "study/deflection.hpp"
@@ -51,15 +52,23 @@ Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std:
   return out;
 }
 
+MeasuredPoint MeasurePoint(const PosedMechanism& posed, const NamedPoint& point,
+                           const std::vector<int>& locked, const LoadedState* loaded) {
+  const Mechanism& m = *posed.mechanism;
+  const BodyPoint at{m.FindBody(point.body), point.p_B};
+  Kinematics kinematics(m);
+  ComputeKinematics(m, posed.q, kinematics);
+  MeasuredPoint out{point,
+                    m.definition().X_WR * (kinematics.X_RB[at.body.u()] * point.p_B),
+                    ComputeSpringStiffness(m, posed.q, at, locked),
+                    {}};
+  if (loaded) out.loaded = ComputePointStiffness(m, loaded->q, loaded->tangent, at);
+  return out;
+}
+
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
-                             const Vector3& gravity_W, OnFreeMotion on_free, int buckling_modes) {
-  const PosedMechanism* at = nullptr;
-  BodyIndex body;
-  for (const PosedMechanism& p : mechanisms)
-    if (BodyIndex b = p.mechanism->FindBody(load.body); b.valid()) {
-      at = &p;
-      body = b;
-    }
+                             const Vector3& gravity_W, const DeflectionOptions& asked) {
+  const PosedMechanism* at = FindMechanism(mechanisms, load.body);
   if (!at) {
     std::string names;
     for (const PosedMechanism& p : mechanisms)
@@ -68,10 +77,15 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
                 fmt::format("no mechanism has a body '{}'; there are: {}", load.body, names));
   }
   const Mechanism& m = *at->mechanism;
+  for (const NamedPoint& point : asked.points)
+    if (!m.FindBody(point.body).valid())
+      return Fail(ErrorCode::kModel, "",
+                  fmt::format("body '{}' is not of mechanism '{}', which is loaded", point.body, m.name()));
+  const BodyIndex body = m.FindBody(load.body);
   const RigidTransform X_WR = m.definition().X_WR;
   const Matrix3 R_RW = X_WR.rotation().transpose();
   StaticsOptions options = WeightAndControls(*at, gravity_W);
-  if (on_free == OnFreeMotion::kLock) options.locked = *CoordinatesToLock(m, at->q, {}, on_free);
+  if (asked.on_free == OnFreeMotion::kLock) options.locked = *CoordinatesToLock(m, at->q, {}, asked.on_free);
   const std::vector<DeadLoad> loads{{body, R_RW * load.force_W, R_RW * load.moment_W, load.point_B}};
 
   Kinematics reference(m);
@@ -90,7 +104,7 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
       X_WR.rotation() * (V.tail<3>() + V.head<3>().cross(reference.X_RB[body.u()] * load.point_B));
   out.linear.max_joint_rotation = MaxJointRotation(m, at->q, *linear_q);
 
-  const StaticsResult result = SolveStatics(m, at->q, loads, options);
+  StaticsResult result = SolveStatics(m, at->q, loads, options);
   if (!result.converged) return NoEquilibrium(m, "this load", result);
   Kinematics loaded(m);
   ComputeKinematics(m, result.q, loaded);
@@ -104,10 +118,14 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   out.stable = result.tangent.IsStable();
   out.lowest_stiffness = result.tangent.lowest();
   out.limit_shares = result.limit_shares;
-  out.compliance = TangentCompliance(m, result.q, result.tangent, {{body, load.point_B}});
-  if (out.compliance.C.size() > 0) out.stiffness = StiffnessFromCompliance(out.compliance, m.length_scale());
-  if (buckling_modes > 0) {
-    auto modes = ComputeBucklingModes(m, at->q, loads, options, buckling_modes);
+  out.spring_frequencies_hz = FullFrequencies(m, at->q, 8);
+  out.frequencies_hz = TangentFrequencies(m, result.q, result.tangent);
+  const LoadedState state{result.q, std::move(result.tangent), {}, {}};
+  out.points.push_back(MeasurePoint(*at, {load.body, load.point_B}, options.locked, &state));
+  for (const NamedPoint& point : asked.points)
+    out.points.push_back(MeasurePoint(*at, point, options.locked, &state));
+  if (asked.buckling_modes > 0) {
+    auto modes = ComputeBucklingModes(m, at->q, loads, options, asked.buckling_modes);
     if (!modes) return tl::unexpected(modes.error());
     out.buckling = std::move(*modes);
     for (int i = 0; i < m.num_coordinates(); ++i) out.coordinates.push_back(m.CoordinateName(i));

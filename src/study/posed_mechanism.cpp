@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <algorithm>
 
 #include <fork1s/mechanism/kinematics.hpp>
 
@@ -40,6 +41,12 @@ Expected<ReducedModel> ReduceAtStart(const PosedMechanism& posed, const std::vec
   options.promote_hidden = interfaces.empty() && !posed.interfaces_chosen;
   options.step = Scene().timestep;
   return Reduce(posed.mechanism, posed.q, options, &posed.loads);
+}
+
+const PosedMechanism* FindMechanism(const std::vector<PosedMechanism>& posed, const std::string& body) {
+  const auto it = std::find_if(posed.begin(), posed.end(),
+                               [&](const PosedMechanism& p) { return p.mechanism->FindBody(body).valid(); });
+  return it == posed.end() ? nullptr : &*it;
 }
 
 }  // namespace fork1s

@@ -7,6 +7,7 @@
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace fork1s {
@@ -26,5 +27,8 @@ Expected<ReducedModel> ReduceAtStart(const PosedMechanism& posed,
 
 /// In the order of the scene. Errors: as of BuildMechanism; kModel where loops stay open.
 Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& imported);
+
+/// The one that has this body; null where none has.
+const PosedMechanism* FindMechanism(const std::vector<PosedMechanism>& posed, const std::string& body);
 
 }  // namespace fork1s

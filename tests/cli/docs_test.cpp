@@ -119,7 +119,7 @@ TEST(Docs, EveryKeyOfJsonHasARowInItsTable) {
   const std::string model = Write("finger.xml", FingerModel());
   const std::pair<const char*, std::string> commands[] = {
       {"inspect", ""},
-      {"reduce", ""},
+      {"reduce", "--point tip:0,0,0 --along 1,0,0"},
       {"statics", "--body tip --force 0,0,0.01 --buckling 1"},
       {"run", "--time 0.05 --error"}};
   for (const auto& [command, options] : commands) {
@@ -136,6 +136,10 @@ TEST(Docs, EveryKeyOfJsonHasARowInItsTable) {
     check(json, "");
     for (const char* part : {"loaded", "coordinates", "assumed", "energy_J", "contact_solver"})
       if (json.contains(part)) check(json[part], part);
+    if (json.contains("points")) {
+      check(json["points"][0], "points");
+      check(json["points"][0]["springs"], "points.springs");
+    }
     if (json.contains("mechanisms")) {
       check(json["mechanisms"][0], "mechanisms");
       check(json["mechanisms"][0]["gain"], "gain");

@@ -106,13 +106,54 @@ TEST(Loaded, StaticsHasStiffnessAtAPointAndBucklingLoads) {
   EXPECT_NEAR(json["buckling"][0]["factor"].get<double>(), k / 0.8, 1e-6);
   EXPECT_EQ(json["buckling"][0]["mode"]["foot"], 1.0);
   const std::string text = Fork1s(command).out;
-  for (const char* said : {"[N/m]:", "rigid", "buckles at 5.1425 times the load", "foot 1"})
+  EXPECT_NEAR(json["frequencies_hz"]["springs"][0].get<double>(), 1.02309, 1e-5);
+  EXPECT_NEAR(json["frequencies_hz"]["loaded"][0].get<double>(),
+              std::sqrt(loaded / 0.242) / (2 * std::numbers::pi), 1e-7);
+  for (const char* said : {"[N/m]:", "rigid", "of the springs alone: 1.0231; about this equilibrium: 0.588",
+                           "buckles at 5.1425 times the load", "foot 1"})
     EXPECT_NE(text.find(said), std::string::npos) << text;
   // Half-way along the lever a force turns it half as far, and moves it a quarter.
   const auto sideways =
       Fork1s("statics --json --gravity 0,0,0 --body mast --point 0,0,.4 --force .1,0,0 " + Mast(10)).Json();
   EXPECT_NEAR(sideways["linear"]["position_m"][0].get<double>(), 0.1 * 0.16 / 10, 1e-12);
   EXPECT_EQ(Fork1s("statics --body mast --point 0,x,0 " + Mast(10)).code, 2);
+}
+
+TEST(Loaded, PointsOfBodiesHaveStiffnessWithoutAndUnderLoad) {
+  const std::string options = " --along=1,0,1 --point mast:0,0,.5 --point mast:0,0,0 " + Mast(10);
+  const double k = 10 / 0.25, loaded = k - 1.5 * 9.81 * 0.4 / 0.25;
+  for (const std::string command : {"reduce", "statics"}) {
+    const auto json = Fork1s(command + " --json" + options).Json();
+    ASSERT_EQ(json["points"].size(), 2u) << json;
+    const auto& top = json["points"][0];
+    EXPECT_EQ(top["body"], "mast");
+    EXPECT_NEAR(top["reference_position_m"][2].get<double>(), 1, 1e-12);
+    EXPECT_NEAR(top["springs"]["stiffness_along_axes_N_per_m"][0].get<double>(), k, 1e-9);
+    EXPECT_NEAR(top["loaded"]["stiffness_along_axes_N_per_m"][0].get<double>(), loaded, 1e-6);
+    EXPECT_NEAR(top["loaded"]["stiffness_along_N_per_m"].get<double>(), 2 * loaded, 1e-6);
+    EXPECT_TRUE(top["springs"]["stiffness_along_axes_N_per_m"][2].is_null());
+    EXPECT_TRUE(json["points"][1]["springs"]["stiffness_along_axes_N_per_m"][0].is_null());
+    const std::string text = Fork1s(command + options).out;
+    for (const char* said :
+         {"of the springs alone", "about the equilibrium", "rigid", "'mast' at [0.0,0.0,0.5] m"})
+      EXPECT_NE(text.find(said), std::string::npos) << text;
+  }
+  // The bead is free across slack cables, and the cables' pull holds it where they are taut.
+  for (const double springlength : {0.4, 0.5}) {
+    const auto json = Fork1s("reduce --json --point bead:0,0,0 " + Bead(springlength)).Json();
+    const auto &springs = json["points"][0]["springs"], &held = json["points"][0]["loaded"];
+    EXPECT_NEAR(springs["stiffness_along_axes_N_per_m"][0].get<double>(), 4000, 1e-6);
+    EXPECT_EQ(springs["stiffness_along_axes_N_per_m"][2], 0.0);
+    EXPECT_NE(springs["free_motions"].dump().find("joint 'z'"), std::string::npos);
+    EXPECT_NEAR(held["stiffness_along_axes_N_per_m"][2].get<double>(), springlength < 0.5 ? 800 : 0, 1e-4);
+    EXPECT_EQ(held["free_motions"].size(), springlength < 0.5 ? 0u : 1u);
+  }
+  const std::string slack = Fork1s("reduce --point bead:0,0,0 " + Bead(0.5)).out;
+  EXPECT_NE(slack.find("rigid        free"), std::string::npos) << slack;
+  for (const char* wrong :
+       {"reduce --point 0,0,0 ", "reduce --point x:0,0,0 ", "reduce --point mast:0,0 ",
+        "statics --along=0,0,0 --point mast:0,0,0 ", "statics --point x:0,0,0 ", "statics "})
+    EXPECT_EQ(Fork1s(wrong + Mast(10)).code, 2) << wrong;
 }
 
 }  // namespace

@@ -23,8 +23,8 @@ LoadedBody Statics(const std::shared_ptr<const Model>& model, const std::string&
   load.moment_W = ReadOrZero(torque, "torque");
   const Vector3 g = gravity.is_none() ? model->scene().gravity : ReadVector3(gravity, "gravity");
   const ReleasedGil others_run;
-  return Take(Deflect(model->mechanisms(), load, g, lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse),
-              model->origin());
+  const OnFreeMotion on_free = lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse;
+  return Take(Deflect(model->mechanisms(), load, g, {on_free, 0, {}}), model->origin());
 }
 
 }  // namespace

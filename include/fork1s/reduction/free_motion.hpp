@@ -25,7 +25,12 @@ struct FreeMotion {
 /// is of interest, all where empty. With `loads` (gravity and controls) less those that rest and that these
 /// and the preload of springs resist by their geometric stiffness.
 std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const VectorX& q,
-                                        std::vector<BodyIndex> bodies = {},
+                                        const std::vector<BodyIndex>& bodies = {},
                                         const StaticsOptions* loads = nullptr);
+
+/// Likewise the motions of no stiffness about an equilibrium q under load.
+std::vector<FreeMotion> FindSingularMotions(const Mechanism& mechanism, const VectorX& q,
+                                            const TangentStiffness& tangent,
+                                            const std::vector<BodyIndex>& bodies = {});
 
 }  // namespace fork1s
