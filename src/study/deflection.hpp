@@ -86,8 +86,8 @@ struct DeflectionOptions {
 
 /// Deflection of the loaded body under load, gravity [m/s²] and the controls' initial values, the base held.
 /// With OnFreeMotion::kLock a joint of every spring-free motion is locked. Errors: kModel for a body that no
-/// mechanism has, or that is not of the loaded one; as of LinearDeflection where such a motion takes the load; kNumerics where no equilibrium
-/// is found; as of ComputeBucklingModes where such modes are asked for.
+/// mechanism has, or that is not of the loaded one; as of LinearDeflection where such a motion takes the load;
+/// kNumerics where no equilibrium is found; as of ComputeBucklingModes where such modes are asked for.
 Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, const BodyLoad& load,
                              const Vector3& gravity_W, const DeflectionOptions& options = {});
 
