@@ -1,5 +1,6 @@
 """Models that several tests share. The package under test is the installed one; scenes are the repository's."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,9 @@ import pytest
 import fork1s
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
+
+# A shell that starts the tests in the background has them ignore Ctrl-C, which several of them send.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@ import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { open, ready, running, screenOf, session, view, withoutPicture } from './support';
+import { open, ready, resize, running, screenOf, session, view, withoutPicture } from './support';
 
 const SIZES = [
   [1280, 720],
@@ -59,7 +59,7 @@ describe.skipIf(!ready)('composition', () => {
   for (const [width, height] of SIZES)
     it(`at ${width}x${height} with everything open`, async () => {
       const { page } = live;
-      await page.setViewportSize({ width, height });
+      await resize(page, width, height);
       await page.locator('canvas.stage').focus();
       const isShown = (selector: string): Promise<boolean> => page.locator(selector).isVisible();
       if (!(await isShown('.plots'))) await page.keyboard.press('p');
@@ -90,7 +90,7 @@ describe.skipIf(!ready)('composition', () => {
   for (const theme of ['light', 'dark'])
     it(`on a phone the first plots are seen whole, and text is legible, ${theme}`, async () => {
       const { page } = live;
-      await page.setViewportSize({ width: 390, height: 844 });
+      await resize(page, 390, 844);
       await page.locator('canvas.stage').focus();
       if (!(await page.locator('.plots').isVisible())) await page.keyboard.press('p');
       if ((await page.evaluate(() => document.documentElement.dataset['theme'])) !== theme) await page.keyboard.press('t');
@@ -135,7 +135,7 @@ describe.skipIf(!ready)('composition', () => {
   for (const [width, height, shown] of framed)
     it(`at ${width}x${height} the whole model is seen beside all panels, open: ${shown}`, async () => {
       const { page } = live;
-      await page.setViewportSize({ width, height });
+      await resize(page, width, height);
       await page.evaluate(() => fork1s?.bench.side.close());
       await page.locator('canvas.stage').focus();
       const press = async (key: string, selector: string, on: boolean): Promise<void> => {
@@ -156,7 +156,7 @@ describe.skipIf(!ready)('composition', () => {
 
   it('the camera knows the size of plots as soon as they are shown, and when all are closed', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 1280, height: 720 });
+    await resize(page, 1280, 720);
     await page.evaluate(() => fork1s?.bench.side.close());
     await page.locator('canvas.stage').focus();
     const place = (): Promise<unknown> => page.evaluate(() => JSON.stringify(fork1s?.view.stage.camera.view));
@@ -171,7 +171,7 @@ describe.skipIf(!ready)('composition', () => {
 
   it('the camera stays where it is while lines of the legend come and go', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 390, height: 844 });
+    await resize(page, 390, 844);
     await page.locator('canvas.stage').focus();
     await page.keyboard.press('f');
     const place = (): Promise<unknown> => page.evaluate(() => fork1s?.view.stage.camera.view);
@@ -184,7 +184,7 @@ describe.skipIf(!ready)('composition', () => {
 
   it('a window made smaller with everything open has panels apart, and of settings and left panel the one', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 1920, height: 1080 });
+    await resize(page, 1920, 1080);
     await page.locator('canvas.stage').focus();
     await page.evaluate(() => fork1s?.bench.side.shown || fork1s?.bench.side.toggle());
     if (!(await page.locator('.plots').isVisible())) await page.keyboard.press('p');
@@ -192,7 +192,7 @@ describe.skipIf(!ready)('composition', () => {
     if ((await settings()) < 60) await page.keyboard.press('s');
     await expect.poll(settings).toBeGreaterThan(100);
     for (const [width, height] of [[1000, 700], [899, 600], [641, 600], [640, 600], [640, 360], [500, 500], [390, 844]] as const) {
-      await page.setViewportSize({ width, height });
+      await resize(page, width, height);
       if (width < 900) await expect.poll(settings).toBeLessThan(60);
       apart(await boxes(), width, height);
       expect(await clipped()).toEqual([]);
@@ -201,7 +201,7 @@ describe.skipIf(!ready)('composition', () => {
 
   it('the bar stays where it is whatever the numbers beside it', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 844, height: 390 });
+    await resize(page, 844, 390);
     const place = () => page.locator('.head > .bar').boundingBox();
     const before = await place();
     await page.locator('.title p').first().evaluate((line) => (line.textContent = '1 s'));
@@ -210,7 +210,7 @@ describe.skipIf(!ready)('composition', () => {
 
   it('numbers of the settings show that they have the focus of the Tab key', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 1280, height: 720 });
+    await resize(page, 1280, 720);
     await page.locator('canvas.stage').focus();
     if (!(await page.locator('.lil-gui.panel input').first().isVisible())) await page.keyboard.press('s');
     await page.locator('.lil-gui.panel select:visible').last().focus();
@@ -228,7 +228,7 @@ describe.skipIf(!ready)('composition', () => {
       await withoutPicture(page);
       await page.keyboard.press('p');
       for (const [width, height] of [[390, 844], [844, 390]] as const) {
-        await page.setViewportSize({ width, height });
+        await resize(page, width, height);
         for (const tab of ['m', 'u', 'l']) {
           await page.keyboard.press(tab);
           const small = await page.evaluate(() =>
@@ -250,7 +250,7 @@ describe.skipIf(!ready)('composition', () => {
   for (const [width, height] of SIZES)
     it(`at ${width}x${height} the card of keys lies within the page, over everything`, async () => {
       const { page } = live;
-      await page.setViewportSize({ width, height });
+      await resize(page, width, height);
       await page.locator('canvas.stage').focus();
       await page.keyboard.press('?');
       const box = await page.locator('.help').boundingBox();
@@ -268,7 +268,7 @@ describe.skipIf(!ready)('composition', () => {
 
   it('every control has a name, and the Tab key goes from the bar to the panels to the plots', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 1280, height: 720 });
+    await resize(page, 1280, 720);
     if (!(await page.locator('.side').isVisible())) await page.keyboard.press('m');
     const nameless = await page.evaluate(() =>
       [...document.querySelectorAll<HTMLElement>('button, [role=tab], .side input, .side select, .timeline input')]
@@ -302,7 +302,7 @@ describe.skipIf(!ready)('composition', () => {
 
   it('a pull shows its force within two frames of the stream', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 480, height: 320 });
+    await resize(page, 480, 320);
     await page.evaluate(() => fork1s?.bench.side.close());
     const frames = await page.evaluate(async () => {
       const app = fork1s;
@@ -354,8 +354,7 @@ describe.skipIf(!ready)('composition of long names', () => {
 
   it('has the label beside the pointer within the page, and all text in it', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 844, height: 390 });
-    await page.waitForFunction(() => fork1s?.view.stage.camera.view?.height === 390);
+    await resize(page, 844, 390);
     await page.keyboard.press('f');
     const { x, y } = await screenOf(page, long('link'));
     await page.mouse.move(x, y);
@@ -373,7 +372,7 @@ describe.skipIf(!ready)('composition of long names', () => {
     const { page } = live;
     await withoutPicture(page);
     for (const [width, height] of SIZES) {
-      await page.setViewportSize({ width, height });
+      await resize(page, width, height);
       for (const tab of ['m', 'u', 'l']) {
         await page.keyboard.press(tab);
         const wide = await page.evaluate(() =>

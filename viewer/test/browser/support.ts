@@ -118,6 +118,12 @@ export async function open(browser: Browser, address: string, options: BrowserCo
   return page;
 }
 
+/** Gives the page another size and waits until it has taken it, which is after the call. */
+export async function resize(page: Page, width: number, height: number): Promise<void> {
+  await page.setViewportSize({ width, height });
+  await page.waitForFunction(([w, h]) => fork1s?.view.stage.camera.view?.width === w && fork1s.view.stage.camera.view.height === h, [width, height] as const);
+}
+
 /** Waits until the page has drawn frames of the stream. */
 export async function running(page: Page): Promise<void> {
   await page.waitForFunction(() => (fork1s?.framesTaken ?? 0) > 2 && (fork1s?.view.framesDrawn ?? 0) > 2);
