@@ -1,6 +1,6 @@
 // The full simulation as a ghost beside the reduced one.
 import { describe, expect, it } from 'vitest';
-import { ready, session, view } from './support';
+import { ready, resize, session, view } from './support';
 
 describe.skipIf(!ready)('the full simulation as a ghost', () => {
   const live = session(() => view('hand.xml', '--keyframe', 'open'));
@@ -80,7 +80,7 @@ describe.skipIf(!ready)('the full simulation as a ghost', () => {
 
   it('an ellipsoid of compliance is dragged, and stiffnesses of its finger follow', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 900, height: 560 }); // the panel leaves room for the hand
+    await resize(page, 900, 560); // the panel leaves room for the hand
     await page.evaluate(() => fork1s?.send({ type: 'pause', on: false }));
     await page.keyboard.press('u');
     await page.evaluate(() => {

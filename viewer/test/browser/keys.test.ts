@@ -1,6 +1,6 @@
 // Keys do the same wherever the focus is; text fields alone keep what is typed into them.
 import { beforeAll, describe, expect, it } from 'vitest';
-import { ready, session, view, withoutPicture } from './support';
+import { ready, resize, session, view, withoutPicture } from './support';
 
 describe.skipIf(!ready)('keys', () => {
   const live = session(() => view('hand.xml', '--keyframe', 'open'));
@@ -8,7 +8,7 @@ describe.skipIf(!ready)('keys', () => {
 
   beforeAll(async () => {
     await withoutPicture(live.page);
-    await live.page.setViewportSize({ width: 1280, height: 720 });
+    await resize(live.page, 1280, 720);
     await live.page.locator('canvas.stage').focus();
     await live.page.keyboard.press('m');
   });

@@ -1,12 +1,12 @@
 // Words and numbers around the picture.
 import { beforeAll, describe, expect, it } from 'vitest';
-import { ready, session, view } from './support';
+import { ready, resize, session, view } from './support';
 
 describe.skipIf(!ready)('labels', () => {
   const live = session(() => view('grasp_sphere.xml'));
 
   beforeAll(async () => {
-    await live.page.setViewportSize({ width: 1280, height: 720 });
+    await resize(live.page, 1280, 720);
     for (const key of ['s', 'm', 'p']) await live.page.keyboard.press(key);
     await live.page.locator('figure.plot').first().waitFor();
   });
@@ -15,11 +15,12 @@ describe.skipIf(!ready)('labels', () => {
     const names = live.page.locator('.head .group .name');
     expect(await names.allTextContents()).toEqual(['Simulation', 'Keep', 'Model', 'View']);
     for (let i = 0; i < 4; ++i) expect(await names.nth(i).isVisible()).toBe(true);
-    await live.page.setViewportSize({ width: 390, height: 844 });
+    await resize(live.page, 390, 844);
     expect(await names.first().isVisible()).toBe(false);
     const tops = await live.page.locator('.head .bar button').evaluateAll((all) => all.map((b) => b.getBoundingClientRect().top));
     expect(new Set(tops).size).toBe(1); // "?" stands beside the rest
-    await live.page.setViewportSize({ width: 1280, height: 720 });
+    await resize(live.page, 1280, 720);
+    await live.page.keyboard.press('s'); // there was room for one of the two panels
   });
 
   it('stand on every control of bar, settings, tabs and plots as a tooltip', async () => {
@@ -56,7 +57,7 @@ describe.skipIf(!ready)('labels', () => {
 
   it('of a recording have no separator before the first group of the toolbar', async () => {
     const { page } = live;
-    await page.setViewportSize({ width: 1280, height: 720 });
+    await resize(page, 1280, 720);
     await page.keyboard.press('r');
     await page.waitForTimeout(500);
     await page.keyboard.press('r');

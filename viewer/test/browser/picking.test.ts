@@ -4,7 +4,7 @@ import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { ready, screenOf, session, view } from './support';
+import { ready, resize, screenOf, session, view } from './support';
 
 const MODEL = `<mujoco model="fixed"><worldbody>
   <geom name="floor" type="plane" size="0 0 1"/>
@@ -26,7 +26,7 @@ describe.skipIf(!ready)('picking', () => {
   const interfaces = (): Promise<string[]> => live.page.evaluate(() => fork1s?.view.scene?.bodies.filter((b) => b.interface).map((b) => b.name) ?? []);
 
   beforeAll(async () => {
-    await live.page.setViewportSize({ width: 800, height: 600 });
+    await resize(live.page, 800, 600);
     await live.page.keyboard.press(' ');
     await live.page.waitForFunction(() => fork1s?.view.frame?.paused === true);
   });

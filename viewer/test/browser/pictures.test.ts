@@ -4,7 +4,7 @@ import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import type { Page } from 'playwright-core';
 import { describe, expect, it } from 'vitest';
-import { ready, session, view } from './support';
+import { ready, resize, session, view } from './support';
 
 // Cubes that show one quarter of a board each: upper left and lower right are red, the others blue.
 const cube = (name: string, uv: string): string =>
@@ -103,8 +103,7 @@ describe.skipIf(!ready)('pictures of planes', () => {
 
   // The ground is transparent: whatever is drawn before it and writes no depth disappears.
   it('show contact forces that lie over them', async () => {
-    await live.page.setViewportSize({ width: 480, height: 640 }); // an arrow is wider than a pixel
-    await live.page.waitForFunction(() => fork1s?.view.stage.renderer.domElement.clientHeight === 640);
+    await resize(live.page, 480, 640); // an arrow is wider than a pixel
     const seen = await live.page.evaluate(() => {
       const { view: shown } = fork1s ?? {};
       if (!shown?.scene || !shown.frame) return [];

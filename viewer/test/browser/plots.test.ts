@@ -1,6 +1,6 @@
 // Plots begin with what moves and bears, take two signals of two units, and are looked at closely by dragging.
 import { beforeAll, describe, expect, it } from 'vitest';
-import { ready, running, session, view, withoutPicture } from './support';
+import { ready, resize, running, session, view, withoutPicture } from './support';
 
 describe.skipIf(!ready)('plots', () => {
   const live = session(() => view('hexapod.xml'));
@@ -8,7 +8,7 @@ describe.skipIf(!ready)('plots', () => {
 
   beforeAll(async () => {
     await withoutPicture(live.page);
-    await live.page.setViewportSize({ width: 1280, height: 720 });
+    await resize(live.page, 1280, 720);
     await live.page.keyboard.press('p');
     await live.page.locator('figure.plot').first().waitFor();
   });
@@ -96,7 +96,7 @@ describe.skipIf(!ready)('plots', () => {
   it('grow with the window', async () => {
     const height = (): Promise<number> => live.page.locator('figure.plot .uplot').first().evaluate((plot) => plot.getBoundingClientRect().height);
     const before = await height();
-    await live.page.setViewportSize({ width: 1920, height: 1080 });
+    await resize(live.page, 1920, 1080);
     await expect.poll(height).toBeGreaterThan(1.3 * before);
   });
 });

@@ -3,7 +3,7 @@ import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { afterAll, beforeAll, describe, expect, it } from 'vitest';
-import { poseOf, ready, screenOf, session, view, withoutPicture } from './support';
+import { poseOf, ready, resize, screenOf, session, view, withoutPicture } from './support';
 
 const ARM = `<mujoco model="arm">
   <!-- what a person wrote stays -->
@@ -189,7 +189,7 @@ describe.skipIf(!ready)('tuning', () => {
     await button.waitFor();
     expect(await page.locator('.advice').innerText()).toMatch(/'forearm' passed [\d.]+ mm into 'world'/);
     expect(await button.evaluate((b) => getComputedStyle(b).fontSize)).toBe('13px');
-    await page.setViewportSize({ width: 1280, height: 720 });
+    await resize(page, 1280, 720);
     await page.locator('canvas.stage').focus();
     await page.keyboard.press('f');
     const card = await page.locator('.advice .problem').boundingBox();
