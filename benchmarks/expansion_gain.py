@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a step by expansions takes beside one by exact poses: chains of N links, whose tip moves by r coordinates.
 
-    python benchmarks/expansion_gain.py > benchmarks/results/expansion_gain.csv
+    python benchmarks/expansion_gain.py
 
 Chains of hinges about alternating axes on springs of 10 N m/rad, 1 m long, swing under weight. Mean of the quicker nine in ten
 steps of 1/60 s, the two in turn in one process. Needs the package fork1s.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <utility>
 
 namespace fork1s::internal {
 namespace {
@@ -116,7 +115,7 @@ void ContactPatch::MergeEquals() {
   count_ = kept;
 }
 
-void ContactPatch::KeepExtremes() {
+void ContactPatch::SelectOutermost() {
   std::array<bool, kMost> extreme{};
   // Of normals that differ by little, axes that do.
   const Vector3 x = normal_.cross(std::abs(normal_.x()) < 0.8 ? Vector3::UnitX() : Vector3::UnitY())
@@ -142,7 +141,7 @@ int ContactPatch::ChooseSupport() {
   for (int i = 0; i < count_; ++i)
     if (const PatchPoint& p = points_[static_cast<std::size_t>(i)]; !deepest_ || p.gap < deepest_->gap)
       deepest_ = p;
-  if (count_ > kSupport) KeepExtremes();
+  if (count_ > kSupport) SelectOutermost();
   const auto is_as_deep = [&](const PatchPoint& p) { return p.gap < deepest_->gap + kAsDeep; };
   if (deepest_ && std::none_of(points_.begin(), points_.begin() + count_, is_as_deep)) Add(*deepest_);
   return count_;

@@ -44,7 +44,7 @@ class ContactPatch {
   static constexpr int kMost = 2 * SupportFace::kMost + 1, kSupport = 16;
 
   void MergeEquals();
-  void KeepExtremes();
+  void SelectOutermost();
 
   Vector3 normal_;
   std::optional<PatchPoint> deepest_;

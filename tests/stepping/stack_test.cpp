@@ -45,7 +45,7 @@ Vector3 ForceOfFloor(const World& world, double h) {
   return force;
 }
 
-// Rounding leaves 1e-11 of the weight. Contact points that followed the sway of their stack kept it going: 2e-3.
+// Rounding leaves far less than 1e-7 of the weight. Contact points that followed the sway of their stack kept it going: 2e-3.
 TEST(Stack, OfTurnedShapes_ComesToRest) {
   const Shape box = Box{Vector3::Constant(kHalf)}, cylinder = Cylinder{kHalf, kHalf};
   const std::vector<std::vector<Shape>> stacks = {{box},       {cylinder},          {cylinder, box},
