@@ -14,7 +14,7 @@
 // order and L-stable: the second starts from
 //     x̂ = x₀ + s (x₁ - x₀),   p̂ = p₀ + s (p₁ - p₀),   s = (1 - γ)/γ                               (3)
 //
-// A driven base follows a path with a rate that is linear in time and continuous from step to step
+// A driven base follows a path with a rate that is quadratic in time and continuous from step to step
 // (base_path.hpp). A stage takes the rate at its end. As everything else does, the base moves by that rate
 // from the base point of the stage, so that what rests on it keeps its gap: its first pose is off by O(h²),
 // the last is that of the input. Where the rate jumps, the joints feel an impulse at the start of the step: M

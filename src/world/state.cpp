@@ -60,8 +60,8 @@ class Hash {
         acceleration);
   }
   void One(const BaseHistory& history) {
-    const auto& [h, mean_rate] = history;
-    Add(h, mean_rate);
+    const auto& [h, h_before, mean_rate, mean_rate_before] = history;
+    Add(h, h_before, mean_rate, mean_rate_before);
   }
   void One(const PointSpring& spring) {
     const auto& [point_B, target_start_W, target_W, stiffness, damping] = spring;

@@ -3,7 +3,7 @@
 // Inputs give the pose at the end of a step. A base whose twist were that of the chord would change it at once between
 // two steps, and the first of two implicit stages, 0.29 of a step long, would feel all of the change: 3.4 times the
 // acceleration. So the rate is continuous from step to step. At the end of a step it is that of the path that the
-// poses are samples of, where that is known; else it follows from the mean rates of the last two steps.
+// poses are samples of, where that is known; else it follows from the mean rates of the last three steps.
 #pragma once
 
 #include <fork1s/spatial/rigid_transform.hpp>
@@ -11,35 +11,38 @@
 
 namespace fork1s {
 
-/// What the estimate of a rate knows of the last step.
+/// What the estimate of a rate knows of the last two steps, of lengths h and h_before [s]; 0: nothing is known.
 struct BaseHistory {
-  double h = 0;                         // s; 0: nothing is known
+  double h = 0, h_before = 0;
   Vector6 mean_rate = Vector6::Zero();  // [rotation; translation] in world axes, rad/s and m/s
+  Vector6 mean_rate_before = Vector6::Zero();
 };
 
 /// θ(s) and p(s), s from 0 to 1: R(s) = exp(θ(s)) R_start, and p(s) from the start; both in world axes.
 struct BasePath {
   RigidTransform X_start, X_end;
-  double h = 0;                                                        // s
+  double h = 0, h_before = 0;  // s: of the step, and of the one before
+  Vector6 mean_rate_before = Vector6::Zero();
   Vector6 shift = Vector6::Zero();                                     // [θ(1); p(1)]
   Vector6 slope_start = Vector6::Zero(), slope_end = Vector6::Zero();  // d/dt [θ; p]
   /// The rate at the start is not the one that the base had: no smooth path leads to X_end.
   bool jumps = false;
 
-  /// [angular velocity; velocity of the origin], world axes. Linear in time, so that both stages of a step see one
-  /// acceleration, whatever a corner of the path within the step.
+  /// [angular velocity; velocity of the origin], world axes: the derivative of PoseAt. What sticks to the base moves by
+  /// these rates alone, so their mean is that of the displacement.
   Vector6 RateAt(double share) const;
   /// The Hermite cubic.
   RigidTransform PoseAt(double share) const;
   Vector6 MeanRate() const { return shift / h; }
   /// What the next step knows of this one.
-  BaseHistory History() const { return {h, MeanRate()}; }
+  BaseHistory History() const { return {h, h_before, MeanRate(), mean_rate_before}; }
   /// [θ; p] of PoseAt.
   Vector6 DisplacementAt(double share) const;
 };
 
 /// The path from X_start, where the base has `rate_start` (world axes, velocity of the origin), to X_end. `rate_end` is
-/// that of the path that X_end is a sample of; none: the slope at X_end of the parabola through the last three poses.
+/// that of the path that X_end is a sample of; none: the slope at X_end of the cubic through the last four poses, of the
+/// parabola through three where the path is not smooth.
 /// Rotation and translation each are a straight line at constant rate where the distance is not what the two rates lead
 /// to: a sudden stop would overshoot its last pose else, and a sudden start its speed.
 BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_start,
