@@ -5,6 +5,7 @@
 // which joints turn so fast that expansions would come oftener than they pay. Both move the same z and w.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "mechanism_detail.hpp"
 
@@ -21,6 +22,8 @@ constexpr double kNear = 1.0 / 16;
 // An expansion costs as much as some steps by exact poses: where fewer steps go by it, or fewer than twice as many by the
 // next one, it is not made.
 constexpr double kStepsThatPay = 6;
+// The same of the change of inertia, which leaves out nothing while it is small: less would cost more than it saves.
+constexpr double kLeastSteps = 3;
 // A pose beyond that is none: inertia to first order may have lost its sign.
 constexpr double kBeyond = 3;  // times kFar
 // The inertia of the pose at hand differs by this share of that at the expansion, in the kinetic metric.
@@ -37,13 +40,27 @@ double FarthestTurn(const MechanismView& here, const RowMatrixX& rows, const Vec
   return std::max(turn, slide / m.length_scale()) / kFar;
 }
 
-// Of L⁻¹ (G + Gᵀ) L⁻ᵀ, M* = L Lᵀ: its Frobenius norm, which bounds what any motion sees.
-double InertiaChange(const MechanismStep& here) {
+// Of L⁻¹ (G + Gᵀ) L⁻ᵀ, M* = L Lᵀ: its Frobenius norm, which bounds what any motion sees. In kInertiaChanged.
+double InertiaChange(const MechanismStep& here, const MatrixX& G) {
   MechanismWorkspace& ws = here.work;
-  ExpandedPose& pose = ws.expansion.pose;
-  pose.scratch.noalias() = ws.expansion.of->M_inverse * pose.G;
-  pose.scratch.noalias() += ws.expansion.of->M_inverse * pose.G.transpose();
-  return std::sqrt(std::max(0.0, pose.scratch.cwiseProduct(pose.scratch.transpose()).sum()));
+  MatrixX& change = ws.expansion.pose.scratch;
+  change.noalias() = ws.expansion.of->M_inverse * G;
+  change.noalias() += ws.expansion.of->M_inverse * G.transpose();
+  return std::sqrt(std::max(0.0, change.cwiseProduct(change.transpose()).sum())) / kInertiaChanged;
+}
+
+// The same of what the last step, or the last part of one, has changed, as much as that is in h.
+double InertiaChangeWithin(const MechanismStep& here, double h) {
+  MechanismWorkspace& ws = here.work;
+  if (!ws.mass.factor.Compute(ws.mass.M)) return std::numeric_limits<double>::infinity();
+  MatrixX& change = ws.expansion.pose.scratch;
+  for (Eigen::Index k = 0; k < change.cols(); ++k) {
+    ws.scratch.rhs = ws.mass.M.col(k) - ws.start.M.col(k);
+    ws.mass.factor.SolveInPlace(ws.scratch.rhs);
+    change.col(k) = ws.scratch.rhs;
+  }
+  return h / ws.start.h * std::sqrt(std::max(0.0, change.cwiseProduct(change.transpose()).sum())) /
+         kInertiaChanged;
 }
 
 // Another evaluator of the same pose, which keeps the momentum of the coordinates.
@@ -69,7 +86,7 @@ void ResetConfiguration(const MechanismStep& here) {
 bool IsFar(const MechanismStep& here, double farthest) {
   const MechanismWorkspace& ws = here.work;
   return FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) > farthest ||
-         InertiaChange(here) > kInertiaChanged;
+         InertiaChange(here, ws.expansion.pose.G) > 1;
 }
 
 void DropExpansion(const MechanismStep& here) {
@@ -138,12 +155,16 @@ bool UpdateExpansion(const MechanismStep& here, double h) {
   if (!model.expands) return false;
   ws.velocities.w = h * state.reduced.w;
   const double turn = FarthestTurn(here, ws.Q_now(), ws.velocities.w);
-  if (ws.expansion.in_use && kStepsThatPay * turn > 1) {
-    DropExpansion(here);
-    return false;
+  bool expands = false;
+  if (ws.expansion.in_use) {
+    expands = IsFar(here, std::clamp(kStepsBetween * turn, kNear, 1.0));
+    if (kStepsThatPay * turn > 1 || (expands && kLeastSteps * InertiaChangeWithin(here, h) > 1)) {
+      DropExpansion(here);
+      return false;
+    }
+  } else {
+    expands = 2 * kStepsThatPay * turn < 1 && 2 * kLeastSteps * InertiaChangeWithin(here, h) < 1;
   }
-  const bool expands = ws.expansion.in_use ? IsFar(here, std::clamp(kStepsBetween * turn, kNear, 1.0))
-                                           : 2 * kStepsThatPay * turn < 1;
   if (expands)
     ChangeEvaluator(here, [&] {
       Expand(here);

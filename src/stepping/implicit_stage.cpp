@@ -106,6 +106,8 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
   ws.forces.gravity_W = gravity_W;
   ChooseEvaluator(here);
   ws.start.by_expansion = ws.expansion.in_use;
+  if (model.expands) ws.start.M = ws.mass.M;
+  ws.start.h = h;
   ws.start.X_WR = state.reduced.X_WR;
   ws.start.V_R = state.reduced.V_R;
   if (ws.expansion.in_use) {

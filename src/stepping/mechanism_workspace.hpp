@@ -54,6 +54,8 @@ struct StepStart {
   Vector6 V_R = Vector6::Zero();  // twist of the base
   VectorX q_dot;                  // n
   VectorX x;                      // num_velocities
+  MatrixX M;                      // num_velocities², of mechanisms that step by expansions
+  double h = 0;                   // s, of the step, or its last part
   StageBase base;
   Vector3 drift_W = Vector3::Zero();  // m/s, of the point that momenta are taken about
   bool by_expansion = false;          // the step, or its last part
