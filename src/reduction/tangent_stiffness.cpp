@@ -18,9 +18,6 @@
 namespace fork1s {
 namespace {
 
-// Central differences of the forces resolve 1e-11 of them.
-constexpr double kSingular = 1e-9;
-
 std::vector<int> Singular(const TangentStiffness& t) {
   std::vector<int> at;
   for (Eigen::Index i = 0; i < t.eigenvalues.size(); ++i)
@@ -58,8 +55,7 @@ TangentStiffness ComputeTangentStiffness(const Mechanism& mechanism, const Vecto
   TangentStiffness out;
   out.eigenvalues = spectrum.values;
   out.eigenvectors = ScaledRows(unit, Times(Z, spectrum.vectors));
-  if (out.eigenvalues.size() > 0)
-    out.zero = kSingular * std::max(out.eigenvalues.cwiseAbs().maxCoeff(), loaded.Scale(q, 1));
+  if (out.eigenvalues.size() > 0) out.zero = internal::SingularStiffness(out.eigenvalues, loaded.Scale(q, 1));
   return out;
 }
 
