@@ -24,7 +24,7 @@ PointView MeasureStiffness(const MechanismView& view, const NamedPoint& point, c
   out.reference_W = measured.reference_W;
   out.springs = {std::move(measured.springs), FullFrequencies(m, view.posed().q), true};
   if (state)
-    out.loaded = StiffnessView{std::move(*measured.loaded), state->frequencies_hz, state->tangent.IsStable()};
+    out.loaded = StiffnessView{std::move(*measured.loaded), state->modes.hertz, state->tangent.IsStable()};
   else
     out.loaded = tl::unexpected(state.error());
   out.file = view.model->origin();
