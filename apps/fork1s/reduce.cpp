@@ -45,7 +45,11 @@ Json LoadedJson(const Expected<LoadedState>& loaded, double length) {
   Json out;
   out["stable"] = tangent.IsStable();
   out["lowest_stiffness_Nm"] = tangent.lowest();
-  out["frequencies_hz"] = loaded->frequencies_hz;
+  out["frequencies_hz"] = loaded->modes.hertz;
+  out["mode_pairs"] = Json::array();
+  for (const ModePair& pair : loaded->pairs)
+    out["mode_pairs"].push_back(pair.mode < 0 ? Json(nullptr)
+                                              : Json{{"mode", pair.mode}, {"agreement", pair.agreement}});
   out["compliance_world"] = loaded->compliance.free.cols() > 0 ? Json(nullptr) : ToJson(loaded->compliance.C);
   out["stiffness_world"] = ToJson(StiffnessFromCompliance(loaded->compliance, length));
   out["base_held"] = true;
@@ -130,21 +134,34 @@ void PrintFrequencies(const Json& d) {
   const auto &full = d["frequencies_hz"]["full"], &reduced = d["frequencies_hz"]["reduced"];
   const Json none = Json::array();
   const Json& loaded = d["loaded"].is_null() ? none : d["loaded"]["frequencies_hz"];
+  const Json& pairs = d["loaded"].is_null() ? none : d["loaded"]["mode_pairs"];
   const auto hertz = [](const Json& all, std::size_t i, const char* otherwise) {
     return i < all.size() ? fmt::format("{:.6g}", all[i].get<double>()) : std::string(otherwise);
   };
   PrintText(
       "  frequencies of the springs alone (full and reduced) and about the equilibrium under gravity, "
-      "controls and\n  preload, base held (loaded):\n");
-  PrintText("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", "mode", "full Hz", "reduced Hz", "off %",
-            "loaded Hz");
-  for (std::size_t i = 0; i < std::max(full.size(), loaded.size()); ++i) {
-    const bool both = i < full.size() && i < reduced.size();
-    PrintText("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", i + 1, hertz(full, i, "-"),
-              hertz(reduced, i, i < full.size() ? "left out" : "-"),
-              both ? fmt::format("{:.3f}", 100 * (reduced[i].get<double>() / full[i].get<double>() - 1)) : "",
-              hertz(loaded, i, "-"));
+      "controls and\n  preload, base held (loaded), of the mode with the same shape, and how far it is:\n");
+  PrintText("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}  {:>8}\n", "mode", "full Hz", "reduced Hz", "off %",
+            "loaded Hz", "shape %");
+  std::vector<bool> is_paired(loaded.size());
+  for (std::size_t i = 0; i < full.size(); ++i) {
+    std::string loaded_hertz = "-", agreement;
+    if (i < pairs.size() && !pairs[i].is_null()) {
+      const auto mode = pairs[i]["mode"].get<std::size_t>();
+      is_paired[mode] = true;
+      loaded_hertz = hertz(loaded, mode, "-");
+      agreement = fmt::format("{:.1f}", 100 * pairs[i]["agreement"].get<double>());
+    }
+    PrintText("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}  {:>8}\n", i + 1, hertz(full, i, "-"),
+              hertz(reduced, i, "left out"),
+              i < reduced.size()
+                  ? fmt::format("{:.3f}", 100 * (reduced[i].get<double>() / full[i].get<double>() - 1))
+                  : "",
+              loaded_hertz, agreement);
   }
+  for (std::size_t i = 0; i < loaded.size(); ++i)
+    if (!is_paired[i])
+      PrintText("  {:>6}  {:>12}  {:>12}  {:>8}  {:>12}\n", "-", "-", "-", "", hertz(loaded, i, "-"));
 }
 
 void PrintCompliance(const Json& interfaces, const Json& C, const std::string& of_what) {

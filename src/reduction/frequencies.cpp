@@ -9,6 +9,7 @@
 #include "linalg/select.hpp"
 #include "linalg/spectrum.hpp"
 #include "modes.hpp"
+#include "reduction/vibration_modes.hpp"
 
 namespace fork1s {
 namespace {
@@ -22,7 +23,7 @@ std::vector<double> ToHertz(const VectorX& mu, int count) {
 
 }  // namespace
 
-std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q, int count) {
+VibrationModes ComputeSpringModes(const Mechanism& mechanism, const VectorX& q, int count) {
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
   const auto basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
@@ -37,8 +38,8 @@ std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q
     coupling.leftCols(6) = basis.TimesV(M_0q).transpose();
     mass.topLeftCorner<6, 6>() = M_00;
   }
+  const MatrixX N = f > 0 ? basis.DenseFree(n) : MatrixX(n, 0);
   if (f > 0) {
-    const MatrixX N = basis.DenseFree(n);
     for (int i = 0; i < f; ++i) {
       VectorX MN;
       ApplyMass(mechanism, kinematics, N.col(i), MN);
@@ -50,8 +51,21 @@ std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q
       mass.bottomLeftCorner(f, 6) = mass.topRightCorner(6, f).transpose();
     }
   }
-  return ToHertz(internal::LowestModes(mechanism, kinematics, basis, MatrixX(e, 0), coupling, mass, count).mu,
-                 count);
+  const internal::Modes modes =
+      internal::LowestModes(mechanism, kinematics, basis, MatrixX(e, 0), coupling, mass, count);
+  VibrationModes out{ToHertz(modes.mu, count), {}};
+  const auto size = static_cast<Eigen::Index>(out.hertz.size());
+  out.shapes.resize(n, size);
+  for (Eigen::Index i = 0; i < size; ++i) out.shapes.col(i) = basis.ApplyV(modes.vectors.col(i), n);
+  if (f > 0) {
+    const MatrixX follows = SolveSymmetric(mass, TransposedTimes(coupling, modes.vectors.leftCols(size)));
+    out.shapes -= Times(N, follows.bottomRows(f));
+  }
+  return out;
+}
+
+std::vector<double> FullFrequencies(const Mechanism& mechanism, const VectorX& q, int count) {
+  return ComputeSpringModes(mechanism, q, count).hertz;
 }
 
 std::vector<double> ReducedFrequencies(const ReducedModel& model, int count) {

@@ -93,4 +93,9 @@ MatrixX LoadedMechanism::Tangent(const VectorX& q, const VectorX& lambda, double
   return K;
 }
 
+double SingularStiffness(const VectorX& eigenvalues, double scale) {
+  constexpr double kSingular = 1e-9;  // central differences of the forces resolve 1e-11 of them
+  return kSingular * std::max(eigenvalues.cwiseAbs().maxCoeff(), scale);
+}
+
 }  // namespace fork1s::internal

@@ -47,4 +47,7 @@ class LoadedMechanism {
   MatrixX A_;
 };
 
+/// Size [N·m] up to which eigenvalues of a tangent stiffness are singular, beside forces of a size (Scale).
+double SingularStiffness(const VectorX& eigenvalues, double scale);
+
 }  // namespace fork1s::internal

@@ -9,6 +9,7 @@
 #include "linalg/null_space.hpp"
 #include "linalg/products.hpp"
 #include "linalg/solve.hpp"
+#include "linalg/spectrum.hpp"
 #include "loaded_mechanism.hpp"
 #include "locked_basis.hpp"
 #include "reduction/tangent_stiffness.hpp"
@@ -34,13 +35,16 @@ struct PathPoint {
 struct PathTangent {
   VectorX x;
   double share = 1;
+  int num_negative = 0;  // eigenvalues of -∂g/∂q on the motions that keep loops closed
 };
 
 // Solutions [dq; dλ] of A dq = -c and g + K dq + Aᵀdλ = 0 for columns of g and c. Loops first, by their rank
 // in one unit; then the motions that they leave, and the reactions of least norm: loops closed more often
 // than needed share them.
+// `motions`: columns that span the motions that closed loops leave, orthonormal in one unit.
 MatrixX SolveClosed(const Mechanism& mechanism, const LoadedMechanism& loaded, const VectorX& q,
-                    const MatrixX& K, const MatrixX& g, const MatrixX& c, const std::vector<int>& locked) {
+                    const MatrixX& K, const MatrixX& g, const MatrixX& c, const std::vector<int>& locked,
+                    MatrixX* motions = nullptr) {
   const OneUnit here = ComputeOneUnit(mechanism, loaded.kinematics());
   const VectorX& unit = here.coordinate;
   VectorX row;
@@ -50,6 +54,7 @@ MatrixX SolveClosed(const Mechanism& mechanism, const LoadedMechanism& loaded, c
   const MatrixX g_x = ScaledRows(unit, g), c_x = ScaledRows(row, c);
   const NullSpace closed = ComputeNullSpace(A);
   const MatrixX& unseen = closed.unseen;
+  if (motions) *motions = unseen;
   const MatrixX A_seen = Times(A, closed.seen);
   MatrixX x = -Times(closed.seen, LeastNormSolve(A_seen, c_x, kRankThreshold));
   const MatrixX K_z = Congruence(K_x, unseen);
@@ -65,6 +70,13 @@ MatrixX SolveClosed(const Mechanism& mechanism, const LoadedMechanism& loaded, c
 
 // The path of equilibria as the load grows, by arc length (Crisfield, Non-linear Finite Element Analysis of
 // Solids and Structures, chapter 9).
+//
+// Near a bifurcation another branch is close, and Newton's method from a long step may end on it. With N the
+// number of negative eigenvalues of K = -∂g/∂q, N changes along a path only where K is singular: by one at a
+// limit point, where ds changes sign as well, and by any number at a branch point, where ds keeps its sign
+// (Seydel, Practical Bifurcation and Stability Analysis, chapter 5; Wriggers and Simo 1990). A step over which
+// N and the sign of ds do not agree is halved: either it left the path, and a shorter one will not, or the
+// path has a branch point, as perfect columns have, and steps of any length contain it.
 class EquilibriumPath {
  public:
   EquilibriumPath(const Mechanism& mechanism, const VectorX& q0, const std::vector<DeadLoad>& loads,
@@ -99,44 +111,73 @@ class EquilibriumPath {
   // Steps along the tangent, each corrected across it, until s = 1.
   bool Follow() {
     constexpr double kLongest = 0.5, kShortest = 1e-7;  // of rotations in rad, lengths and s
-    constexpr int kMaxSteps = 300;
-    constexpr double kTurn = 0.8,
-                     kStraight = 0.98;  // cosines between tangents: step is halved below, doubled above
+    // A branch point between the ends of a step of this length is one: a path that turned away beside it, as
+    // that of an imperfect column, would turn over a longer one. It is passed by a step that is as much longer
+    // as Newton's method needs, whose matrix is singular at the branch point.
+    constexpr double kBranch = 1e-6, kPastBranch = 1e-3;
+    constexpr int kMaxSteps = 500;
+    constexpr double kStraight = 0.98;  // cosine between tangents above which a step is doubled
     if (point_.share >= 1) return true;
     PathTangent tangent = TangentAt(point_, nullptr);
-    double length = 1 / (options_.load_steps * tangent.share);
+    double length = 1 / (options_.load_steps * tangent.share), length_before_branch = 0;
+    bool is_at_branch = false;
     for (int i = 0; i < kMaxSteps && length > kShortest; ++i) {
       const double to_end = (1 - point_.share) / tangent.share;
-      if (to_end > 0 && to_end <= 1.0001 * length) {
-        PathPoint end = Along(tangent, to_end);
-        end.share = 1;
-        if (Correct(end, nullptr, 0.5 * to_end)) {
-          point_ = end;
-          return true;
-        }
-        length = 0.5 * to_end;
-        continue;
-      }
+      const bool is_last = to_end > 0 && to_end <= 1.0001 * length;
+      if (is_last) length = to_end;
       PathPoint next = Along(tangent, length);
-      if (!Correct(next, &tangent, 0.5 * length)) {
+      if (is_last) next.share = 1;
+      if (!Correct(next, is_last ? nullptr : &tangent, 0.5 * length)) {
         length *= 0.5;
         continue;
       }
       const PathTangent there = TangentAt(next, &tangent);
-      const double cosine = there.x.dot(tangent.x) + there.share * tangent.share;
-      const bool passes_end = (next.share - 1) * (point_.share - 1) < 0;
-      if (!(cosine > kTurn) || passes_end) {
+      const bool passes_end = !is_last && (next.share - 1) * (point_.share - 1) < 0,
+                 is_limit = there.share * tangent.share < 0;
+      if (passes_end || (is_last && is_limit) || !IsSmooth(tangent, there, next)) {
         length *= 0.5;
         continue;
       }
-      if (there.share * tangent.share < 0)  // extremum of the parabola with these slopes
+      if (!is_at_branch && std::abs(there.num_negative - tangent.num_negative) != (is_limit ? 1 : 0)) {
+        length_before_branch = std::max(length, length_before_branch);
+        length *= 0.5;
+        if (length < kBranch) {
+          is_at_branch = true;
+          length = std::min(kPastBranch, length_before_branch);
+        }
+        continue;
+      }
+      if (is_limit)  // extremum of the parabola with these slopes
         result_.limit_shares.push_back(point_.share + 0.5 * length * tangent.share * tangent.share /
                                                           (tangent.share - there.share));
+      const double cosine = Cosine(tangent, there);
       point_ = next;
       tangent = there;
-      if (cosine > kStraight) length = std::min(2 * length, std::max(kLongest, length));
+      if (is_last) return true;
+      if (is_at_branch)
+        length = length_before_branch;
+      else if (cosine > kStraight)
+        length = std::min(2 * length, std::max(kLongest, length));
+      is_at_branch = false;
+      length_before_branch = 0;
     }
     return false;
+  }
+
+  static double Cosine(const PathTangent& a, const PathTangent& b) {
+    return a.x.dot(b.x) + a.share * b.share;
+  }
+
+  // Whether the step from point_ to `next` may be an arc with these tangents at its ends: they are less than
+  // 37° apart, and so is the chord from either. Between parallel branches the tangents agree, and the chord
+  // does not.
+  bool IsSmooth(const PathTangent& tangent, const PathTangent& there, const PathPoint& next) const {
+    constexpr double kTurn = 0.8;
+    PathTangent chord{(next.q - point_.q).cwiseQuotient(loaded_.unit().coordinate),
+                      next.share - point_.share};
+    const double length = std::sqrt(Cosine(chord, chord));
+    return Cosine(tangent, there) > kTurn && Cosine(chord, tangent) > kTurn * length &&
+           Cosine(chord, there) > kTurn * length;
   }
 
   PathPoint Along(const PathTangent& tangent, double length) const {
@@ -149,15 +190,28 @@ class EquilibriumPath {
   // Continues `before`, or the growing load.
   PathTangent TangentAt(const PathPoint& p, const PathTangent* before) {
     const MatrixX K = loaded_.Tangent(p.q, p.lambda, p.share);
+    MatrixX motions;
     const VectorX dq = SolveClosed(mechanism_, loaded_, p.q, K, LoadRate(), MatrixX::Zero(p.lambda.size(), 1),
-                                   options_.locked)
+                                   options_.locked, &motions)
                            .topRows(p.q.size());
-    PathTangent t{dq.cwiseQuotient(loaded_.unit().coordinate), 1};
-    double size = std::sqrt(t.x.squaredNorm() + 1);
-    if (before && t.x.dot(before->x) + before->share < 0) size = -size;
+    PathTangent t{dq.cwiseQuotient(loaded_.unit().coordinate), 1, CountNegative(K, motions, p)};
+    double size = std::sqrt(Cosine(t, t));
+    if (before && Cosine(t, *before) < 0) size = -size;
     t.x /= size;
     t.share /= size;
     return t;
+  }
+
+  // Negative eigenvalues of -K on motions that keep loops closed. Those of locked coordinates are 0.
+  int CountNegative(MatrixX K, const MatrixX& motions, const PathPoint& p) {
+    for (const int i : options_.locked) K(i, i) = 0;
+    const VectorX& unit = loaded_.unit().coordinate;
+    const MatrixX K_z = Congruence(ScaledColumns(ScaledRows(unit, K), unit), motions);
+    TangentStiffness stiffness;
+    stiffness.eigenvalues = EigenvaluesOf(-0.5 * (K_z + K_z.transpose()));
+    if (stiffness.eigenvalues.size() > 0)
+      stiffness.zero = internal::SingularStiffness(stiffness.eigenvalues, loaded_.Scale(p.q, p.share));
+    return stiffness.num_negative();
   }
 
   // ∂g/∂s at the present pose.

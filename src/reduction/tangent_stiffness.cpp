@@ -18,9 +18,6 @@
 namespace fork1s {
 namespace {
 
-// Central differences of the forces resolve 1e-11 of them.
-constexpr double kSingular = 1e-9;
-
 std::vector<int> Singular(const TangentStiffness& t) {
   std::vector<int> at;
   for (Eigen::Index i = 0; i < t.eigenvalues.size(); ++i)
@@ -58,32 +55,45 @@ TangentStiffness ComputeTangentStiffness(const Mechanism& mechanism, const Vecto
   TangentStiffness out;
   out.eigenvalues = spectrum.values;
   out.eigenvectors = ScaledRows(unit, Times(Z, spectrum.vectors));
-  if (out.eigenvalues.size() > 0)
-    out.zero = kSingular * std::max(out.eigenvalues.cwiseAbs().maxCoeff(), loaded.Scale(q, 1));
+  if (out.eigenvalues.size() > 0) out.zero = internal::SingularStiffness(out.eigenvalues, loaded.Scale(q, 1));
   return out;
 }
 
-std::vector<double> TangentFrequencies(const Mechanism& mechanism, const VectorX& q,
-                                       const TangentStiffness& tangent, int count) {
-  if (!tangent.IsStable()) return {};
+VibrationModes ComputeTangentModes(const Mechanism& mechanism, const VectorX& q,
+                                   const TangentStiffness& tangent, int count) {
+  VibrationModes out;
+  out.shapes.resize(q.size(), 0);
+  if (!tangent.IsStable()) return out;
   const std::vector<int> singular = Singular(tangent), sprung = Regular(tangent);
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
   MatrixX M;
   MassMatrix(mechanism, kinematics, M);
-  const MatrixX V = ScaledColumns(Columns(tangent.eigenvectors, sprung),
-                                  Entries(tangent.eigenvalues, sprung).cwiseSqrt().cwiseInverse());
+  MatrixX V = ScaledColumns(Columns(tangent.eigenvectors, sprung),
+                            Entries(tangent.eigenvalues, sprung).cwiseSqrt().cwiseInverse());
   const MatrixX N = Columns(tangent.eigenvectors, singular);
   MatrixX M_v = Congruence(M, V);
   if (N.cols() > 0) {  // they follow their inertia
     const MatrixX coupling = TransposedTimes(V, Times(M, N));
-    M_v -= Times(coupling, SolveSymmetric(Congruence(M, N), coupling.transpose()));
+    const MatrixX follows = SolveSymmetric(Congruence(M, N), coupling.transpose());
+    M_v -= Times(coupling, follows);
+    V -= Times(N, follows);
   }
-  const VectorX mu = EigenvaluesOf(0.5 * (M_v + M_v.transpose())).reverse();
-  std::vector<double> hertz;
-  for (Eigen::Index i = 0; i < mu.size() && i < count; ++i)
-    if (mu(i) > 0) hertz.push_back(1 / (2 * std::numbers::pi * std::sqrt(mu(i))));
-  return hertz;
+  const SymmetricSpectrum spectrum = SpectrumOf(0.5 * (M_v + M_v.transpose()));
+  std::vector<int> kept;
+  for (auto i = static_cast<int>(spectrum.values.size()) - 1; i >= 0 && static_cast<int>(kept.size()) < count;
+       --i)
+    if (spectrum.values(i) > 0) {
+      kept.push_back(i);
+      out.hertz.push_back(1 / (2 * std::numbers::pi * std::sqrt(spectrum.values(i))));
+    }
+  out.shapes = Times(V, Columns(spectrum.vectors, kept));
+  return out;
+}
+
+std::vector<double> TangentFrequencies(const Mechanism& mechanism, const VectorX& q,
+                                       const TangentStiffness& tangent, int count) {
+  return ComputeTangentModes(mechanism, q, tangent, count).hertz;
 }
 
 InterfaceCompliance TangentCompliance(const Mechanism& mechanism, const VectorX& q,

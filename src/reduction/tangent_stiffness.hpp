@@ -5,6 +5,8 @@
 #include <fork1s/reduction/statics.hpp>
 #include <vector>
 
+#include "reduction/vibration_modes.hpp"
+
 namespace fork1s {
 
 /// At joint displacements q, an equilibrium under the loads (SolveStatics). Locked coordinates stay at rest.
@@ -15,6 +17,10 @@ TangentStiffness ComputeTangentStiffness(const Mechanism& mechanism, const Vecto
 /// motions of no stiffness left out; empty where it is unstable.
 std::vector<double> TangentFrequencies(const Mechanism& mechanism, const VectorX& q,
                                        const TangentStiffness& tangent, int count = 8);
+
+/// The same with their shapes.
+VibrationModes ComputeTangentModes(const Mechanism& mechanism, const VectorX& q,
+                                   const TangentStiffness& tangent, int count = 8);
 
 /// A point of a body that loads act on.
 struct BodyPoint {

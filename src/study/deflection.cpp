@@ -45,7 +45,8 @@ Expected<LoadedState> ComputeLoadedState(const PosedMechanism& posed, const std:
   LoadedState out;
   out.q = rest.q;
   out.tangent = std::move(rest.tangent);
-  out.frequencies_hz = TangentFrequencies(m, out.q, out.tangent, num_frequencies);
+  out.modes = ComputeTangentModes(m, out.q, out.tangent, num_frequencies);
+  out.pairs = PairModesByShape(m, posed.q, ComputeSpringModes(m, posed.q, num_frequencies), out.modes);
   std::vector<BodyPoint> origins;
   for (const BodyIndex body : bodies) origins.push_back({body, Vector3::Zero()});
   out.compliance = TangentCompliance(m, out.q, out.tangent, origins);
@@ -120,7 +121,9 @@ Expected<LoadedBody> Deflect(const std::vector<PosedMechanism>& mechanisms, cons
   out.limit_shares = result.limit_shares;
   out.spring_frequencies_hz = FullFrequencies(m, at->q, 8);
   out.frequencies_hz = TangentFrequencies(m, result.q, result.tangent);
-  const LoadedState state{result.q, std::move(result.tangent), {}, {}};
+  LoadedState state;
+  state.q = result.q;
+  state.tangent = std::move(result.tangent);
   out.points.push_back(MeasurePoint(*at, {load.body, load.point_B}, options.locked, &state));
   for (const NamedPoint& point : asked.points)
     out.points.push_back(MeasurePoint(*at, point, options.locked, &state));

@@ -66,7 +66,8 @@ StaticsOptions WeightAndControls(const PosedMechanism& posed, const Vector3& gra
 struct LoadedState {
   VectorX q;
   TangentStiffness tangent;
-  std::vector<double> frequencies_hz;
+  VibrationModes modes;
+  std::vector<ModePair> pairs;     // for each mode of the springs alone, which of these has its shape
   InterfaceCompliance compliance;  // of the bodies asked for
 };
 /// Coordinates in `locked` stay where they are. Errors: kNumerics where no equilibrium is found.

@@ -25,12 +25,45 @@ TEST(Loaded, ReduceHasStiffnessAndFrequenciesUnderWeight) {
   EXPECT_NEAR(json["compliance_world"][1][1].get<double>(), 0.1, 1e-12);
   const auto& loaded = json["loaded"];
   EXPECT_NEAR(loaded["frequencies_hz"][0].get<double>(), std::sqrt(k / inertia) / turn, 1e-8);
+  ASSERT_EQ(loaded["mode_pairs"].size(), 1u);
+  EXPECT_EQ(loaded["mode_pairs"][0]["mode"], 0);
+  EXPECT_NEAR(loaded["mode_pairs"][0]["agreement"].get<double>(), 1, 1e-9);
   EXPECT_NEAR(loaded["compliance_world"][1][1].get<double>(), 1 / k, 1e-8);
   EXPECT_NEAR(loaded["lowest_stiffness_Nm"].get<double>(), k, 1e-7);
   EXPECT_TRUE(loaded["stable"].get<bool>());
   const std::string text = Fork1s("reduce " + model).out;
   for (const char* said : {"of the springs alone", "about the loaded equilibrium", "0.2431", "0.656213"})
     EXPECT_NE(text.find(said), std::string::npos) << text;
+}
+
+// The mast that hangs is the slower one without its weight, and the faster one with it.
+TEST(Loaded, ReduceListsFrequenciesUnderWeightBesideThoseOfTheSameShape) {
+  const auto mast = [](const std::string& name, const std::string& x, const std::string& k,
+                       const std::string& z) {
+    return "<body name='" + name + "' pos='" + x + " 0 1'><joint name='" + name +
+           "' axis='0 1 0' stiffness='" + k + "'/><inertial pos='0 0 " + z +
+           "' mass='1.5' diaginertia='.002 .002 .002'/></body>";
+  };
+  const std::string model =
+      Write("masts.xml",
+            "<mujoco><option gravity='0 0 -9.81'/>"
+            "<custom><text name='fork1s_interface' data='sledge'/></custom><worldbody><body name='sledge'>"
+            "<joint name='x' type='slide' axis='1 0 0' stiffness='1e5'/><geom size='.1' mass='20'/>" +
+                mast("up", "0", "10", ".4") + mast("down", "1", "8", "-.4") + "</body></worldbody></mujoco>");
+  const auto json = Fork1s("reduce --json " + model).Json();
+  const auto &loaded = json["loaded"]["frequencies_hz"], &pairs = json["loaded"]["mode_pairs"];
+  ASSERT_EQ(pairs.size(), 3u);
+  const double inertia = 0.002 + 1.5 * 0.16, weight = 1.5 * 9.81 * 0.4, turn = 2 * std::numbers::pi;
+  const double by_shape[] = {8 + weight,
+                             10 - weight};  // of the mast that is slowest, and next, by its spring
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto mode = pairs[i]["mode"].get<std::size_t>();
+    EXPECT_EQ(mode, 1 - i);
+    // The sledge yields by 15 N/(1e5 N/m) of a radian, a thousandth of the masts' stiffness.
+    EXPECT_NEAR(loaded[mode].get<double>(), std::sqrt(by_shape[i] / inertia) / turn, 2e-3);
+  }
+  const std::string text = Fork1s("reduce " + model).out;
+  EXPECT_NE(text.find("shape %"), std::string::npos) << text;
 }
 
 TEST(Loaded, ReduceSaysThatAnEquilibriumIsUnstable) {

@@ -15,6 +15,8 @@
 #include "errors.hpp"
 #include "mechanism/names.hpp"
 #include "mechanism_view.hpp"
+#include "point_view.hpp"
+#include "released_gil.hpp"
 #include "words.hpp"
 
 namespace fork1s::python {
@@ -48,6 +50,15 @@ Array FullFrequenciesOf(const MechanismView& v) {
 Array ReducedFrequenciesOf(const MechanismView& v) {
   const auto reduction = v.model->Reduction(v.index);
   return ToArray(ReducedFrequencies(*reduction, std::max(8, std::min(reduction->size(), 16))));
+}
+
+PointView PointStiffnessOf(const MechanismView& v, const std::string& body, const nb::object& point,
+                           const nb::object& gravity, bool lock_free) {
+  if (!v.mechanism().FindBody(body).valid()) RefuseName("body", body, v.Bodies());
+  const Vector3 p_B = ReadOrZero(point, "point"),
+                g = gravity.is_none() ? v.model->scene().gravity : ReadVector3(gravity, "gravity");
+  const ReleasedGil others_run;
+  return MeasureStiffness(v, {body, p_B}, g, lock_free);
 }
 
 std::shared_ptr<const ReducedModel> MatricesOf(const MechanismView& v) { return v.model->Reduction(v.index); }
@@ -87,6 +98,18 @@ constexpr const char* kResponse =
 (6e, n): rows as of `compliance`, columns as of `coordinates`; rad/(N·m), m/(N·m) of hinges, rad/N, m/N of slides.
 Column j is y_j, and the compliance changes with the stiffness of coordinate j by -outer(y_j, y_j), exactly.
 lock_free and errors as of `compliance`.)";
+constexpr const char* kPointStiffness =
+    R"(Stiffness at a point of a body, the base held: of the springs alone, and about the equilibrium under gravity,
+controls at their initial values and the preload of springs (`PointStiffness`).
+
+point: (3,) m from the body's origin, in its axes; the origin by default. gravity: (3,) m/s² instead of the model's.
+Where a motion that nothing resists moves the point along a direction its stiffness is 0 there, and `free` names the
+joint; lock_free=True locks a joint of each motion that no spring resists and that moves the body or an interface body.
+
+Raises UnknownNameError.)";
+constexpr const char* kPointStiffnessSignature =
+    "def point_stiffness(self, body: str, point: numpy.typing.ArrayLike | None = None, *, gravity: "
+    "numpy.typing.ArrayLike | None = None, lock_free: bool = False) -> PointStiffness";
 constexpr const char* kFrequencies =
     R"((k,) lowest undamped natural frequencies [Hz] of all joint coordinates, about the starting pose and unloaded; a
 floating base moves along. Motions that no spring resists are left out.)";
@@ -131,6 +154,9 @@ void BindMechanism(nb::module_& m) {
           nb::arg("bodies"), nb::arg("lock_free") = false, kResponse,
           nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> "
                   "numpy.typing.NDArray[numpy.float64]"))
+      .def("point_stiffness", PointStiffnessOf, nb::arg("body"), nb::arg("point") = nb::none(), nb::kw_only(),
+           nb::arg("gravity") = nb::none(), nb::arg("lock_free") = false, kPointStiffness,
+           nb::sig(kPointStiffnessSignature))
       .def_prop_ro("frequencies", FullFrequenciesOf, kFrequencies, kOwn)
       .def_prop_ro("reduced_frequencies", ReducedFrequenciesOf, kReducedFrequencies, kOwn)
       .def_prop_ro("matrices", MatricesOf, kMatrices)
@@ -228,6 +254,14 @@ several, ask `mechanisms[i]`, or name a body.)")
           nb::arg("bodies"), nb::arg("lock_free") = false, kResponse,
           nb::sig("def response(self, *bodies: str, lock_free: bool = False) -> "
                   "numpy.typing.NDArray[numpy.float64]"))
+      .def(
+          "point_stiffness",
+          [](const ModelPtr& s, const std::string& body, const nb::object& point, const nb::object& gravity,
+             bool lock_free) {
+            return PointStiffnessOf(MechanismOf(s, body), body, point, gravity, lock_free);
+          },
+          nb::arg("body"), nb::arg("point") = nb::none(), nb::kw_only(), nb::arg("gravity") = nb::none(),
+          nb::arg("lock_free") = false, kPointStiffness, nb::sig(kPointStiffnessSignature))
       .def_prop_ro(
           "stiffnesses", [](const ModelPtr& s) { return s->Stiffnesses(); },
           "Joint coordinate -> what holds it, its spring and the servos on it together: N·m/rad or N/m.")
