@@ -68,17 +68,12 @@ int Main(int argc, char** argv) {
       worst = value;
     }
   }
-  std::vector<ErrorCaseResult> results;
-  for (unsigned k = 0; k < seeds; ++k) {
-    const ErrorFamily family = families[k % families.size()];
-    const unsigned seed = first + k;
-    auto result = MeasureErrorCase(DrawErrorCase(family, seed), family, seed, truth);
-    if (!result) {
-      fmt::print(stderr, "{} {}: {}\n", Name(family), seed, result.error().Text());
-      return 1;
-    }
-    results.push_back(std::move(*result));
+  auto measured = MeasureErrorFamilies(families, first, seeds, truth);
+  if (!measured) {
+    fmt::print(stderr, "{}\n", measured.error().Text());
+    return 1;
   }
+  const std::vector<ErrorCaseResult>& results = *measured;
   fmt::print("{}", ErrorFamiliesMarkdown(results));
   if (!worst.empty()) {
     std::ofstream file(worst);

@@ -57,6 +57,10 @@ struct ErrorCaseResult {
 Expected<ErrorCaseResult> MeasureErrorCase(const TransientCase& c, ErrorFamily family, unsigned seed,
                                            ErrorTruth truth);
 
+/// `count` motions, one family of `families` after the other, of seeds from `first` on.
+Expected<std::vector<ErrorCaseResult>> MeasureErrorFamilies(const std::vector<ErrorFamily>& families,
+                                                            unsigned first, unsigned count, ErrorTruth truth);
+
 /// A row for each family and one for all.
 std::string ErrorFamiliesMarkdown(const std::vector<ErrorCaseResult>& results);
 /// Bodies that were told wrongly, the worst first.

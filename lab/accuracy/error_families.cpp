@@ -145,6 +145,20 @@ Expected<ErrorCaseResult> MeasureErrorCase(const TransientCase& c, ErrorFamily f
   return result;
 }
 
+Expected<std::vector<ErrorCaseResult>> MeasureErrorFamilies(const std::vector<ErrorFamily>& families,
+                                                            unsigned first, unsigned count,
+                                                            ErrorTruth truth) {
+  FORK1S_REQUIRE(!families.empty(), families.size());
+  std::vector<ErrorCaseResult> results;
+  for (unsigned k = 0; k < count; ++k) {
+    const ErrorFamily family = families[k % families.size()];
+    auto result = MeasureErrorCase(DrawErrorCase(family, first + k), family, first + k, truth);
+    if (!result) return tl::unexpected(result.error());
+    results.push_back(std::move(*result));
+  }
+  return results;
+}
+
 std::string ErrorFamiliesMarkdown(const std::vector<ErrorCaseResult>& results) {
   std::string text =
       "| family | motions | body-frames | within [0.5, 3] | below 0.5 | above 3 | not quantified | no truth |\n"
