@@ -20,6 +20,9 @@ int Main(int argc, char** argv);
 namespace fork1s::benchmarks::detector_accuracy {
 int Main(int argc, char** argv);
 }
+namespace fork1s::benchmarks::error_families {
+int Main(int argc, char** argv);
+}
 namespace fork1s::benchmarks::legged {
 int Main(int argc, char** argv);
 }

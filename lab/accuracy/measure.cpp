@@ -86,6 +86,10 @@ Expected<AccuracyResults> MeasureAccuracy(const std::string& scenes) {
       *place = std::move(*measured);
     }
   }
+  auto families = MeasureErrorFamilies({std::begin(kErrorFamilies), std::end(kErrorFamilies)}, 1001, 160,
+                                       ErrorTruth::kAllModes);
+  if (!families) return tl::unexpected(families.error());
+  out.families = std::move(*families);
   return out;
 }
 

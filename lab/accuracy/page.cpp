@@ -417,6 +417,19 @@ other way round: then it told ten times too little.
 What it cannot know shows on the firemen: once the bunny has bounced, the true one comes down at another time, and
 the sheet that it misses or meets by then is no small error of the sheet that was simulated. There the bunny's own error is above 10 %
 of its way, and `run` says so.
+
+**Mechanisms at random.** `build/release/benchmarks/error_families --first 1001 --seeds 160` draws motions of one second of
+eight families by seed, runs the estimate beside them by two stages of 1/60 s, and takes for the truth the same model with all modes at 1/8, 1/16 and
+1/32 of the step, extrapolated by the order observed (`--truth full`: the full-coordinate simulator, which gives the same table of the families
+without contact). Frames in which the truth is not known to a quarter of the error are left out, as are errors below 0.02 % of the motion: where contacts differ from one
+step to the next there is no truth to hold against, which is *no truth* in the table. *Not quantified* is told above 10 % of the motion where the error is above 5 %. The wish is nine of ten
+frames within [0.5, 3] overall, eight of ten of each family, and no more than 2 % below.
+
+)" + ErrorFamiliesMarkdown(r.families) +
+         R"(
+Trees, loops and driven bases are within the wish on these seeds; of seeds 1 to 40 (`--seeds 40`) 79 % of the frames on driven bases are. The others are not. Floating bases, rolling and sliding are told too much, never too little. After a landing up to
+2000 times the error is told, and half of the frames of grasps are told less than half of it, some a hundredth: do not rely on the figure where fingers close on something or where feet land.
+`--worst FILE.csv` lists the worst frame of each body with its seed.
 )";
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <lab/accuracy.hpp>
+#include <lab/error_families.hpp>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,7 @@ struct AccuracyResults {
   std::vector<TransientCurve> transients;
   TransientCurve firemen_without_modes, firemen_with_all;
   std::vector<ErrorEstimateCurve> estimates;  // of every transient case, both integrators
+  std::vector<ErrorCaseResult> families;      // random motions, twenty of each family
 };
 
 // Fits of the gap's slope: below, rounding would show; above, the next terms of the series do.

@@ -27,7 +27,9 @@ ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
     X_[i] = m.state().X_WR;
     v_[i] = m.model().size() > 0 ? VectorX(m.configuration().Q_now * m.state().w) : VectorX(VectorX::Zero(n));
     V_[i] = m.state().V_R;
+    stop_forces_[i] = VectorX::Zero(n);
   }
+  earlier_.v = earlier_.v_before = v_[0];
   scratch_.F.resize(6, mechanism.num_bodies());
   scratch_.body_V = scratch_.body_A = scratch_.F;
   for (Loads* l : {&loads_[0], &loads_[1], &mean_}) {
@@ -49,7 +51,8 @@ void ErrorCompanion::Begin(const MechanismDynamics& m) {
 }
 
 void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_before_W,
-                         const Matrix6X& contacts_W, const VectorX& stops, const StepOptions& options) {
+                         const Matrix6X& contacts_W, const Matrix6X& contacts_curved_W, const VectorX& stops,
+                         const StepOptions& options, bool smooth) {
   const double h = h_ = options.h;
   by_euler_ = options.integrator == Integrator::kEuler;
   if (m.point_spring().IsActive()) {
@@ -63,6 +66,10 @@ void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_be
   loads_[1].controls = m.controls();
   loads_[1].controls_from = options.controls_move ? loads_[0].controls : loads_[1].controls;
   if (steps_ == 0) loads_[0].stops = loads_[1].stops;
+  earlier_.v_before = earlier_.v;
+  earlier_.V_before = earlier_.V;
+  earlier_.v = v_[0];
+  earlier_.V = V_[0];
   for (int i = 0; i < 2; ++i) {
     q_[i] = q_[i + 1];
     X_[i] = X_[i + 1];
@@ -75,6 +82,25 @@ void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_be
   V_[2] = Log(X_[1].inverse() * X_[2]) / h;
   ++steps_;
   ComputeKinematics(m.mechanism(), q_[1], kinematics_);
+  contacts_curved_ = contacts_curved_W;
+  stop_forces_[0] = stop_forces_[1];
+  stop_forces_[1] = stop_forces_[2];
+  stop_forces_[2] = stops;
+  nodes_without_kink_ = ControlsKink() ? 0 : nodes_without_kink_ + 1;
+  // Differences are of the present node and the three before it; the first step begins at once.
+  smooth_ = smooth && !by_euler_ && steps_ > 5 && nodes_without_kink_ > 3;
+}
+
+// Whether the slope of controls changes at the node, or they jump there.
+bool ErrorCompanion::ControlsKink() const {
+  if (loads_[1].controls.size() == 0) return false;
+  constexpr double kRounding = 1e-9;  // of controls that move evenly, of their size
+  const VectorX before = loads_[0].controls - loads_[0].controls_from,
+                now = loads_[1].controls - loads_[1].controls_from,
+                jump = loads_[1].controls_from - loads_[0].controls;
+  const double most = kRounding * std::max(loads_[1].controls.cwiseAbs().maxCoeff(),
+                                           loads_[0].controls.cwiseAbs().maxCoeff());
+  return (now - before).cwiseAbs().maxCoeff() > most || jump.cwiseAbs().maxCoeff() > most;
 }
 
 void ErrorCompanion::Missing(const MechanismDynamics& m, const Vector3& gravity_W, const VectorX& q,
@@ -127,6 +153,31 @@ void ErrorCompanion::Centre() {
     mean_.F_W.col(b) = LoadAtNode(loads_[0].F_W.col(b), loads_[1].F_W.col(b), by_euler_);
   mean_.controls = loads_[0].controls;  // inputs are those of the end of a step
   mean_.stops = 0.5 * (loads_[0].stops + loads_[1].stops);
+  if (smooth_) CorrectCentred();
+}
+
+// Centred differences err by h^2, as a step of two stages does: most of what they find might be their own
+// error. The derivatives of past steps take that out, to h^3 (v = dq/dt):
+//     v = (q_{n+1} - q_{n-1})/2h - h^2/6 d2v/dt2,   dv/dt = (q_{n+1} - 2 q_n + q_{n-1})/h^2 - h^2/12 d3v/dt3
+// The mean of contact forces of two steps is that of their node and h^2/6 of their second derivative. The mean
+// twist of a base over a step is the logarithm of its motion over h, less h^2/12 [V, dV/dt] (Magnus).
+void ErrorCompanion::CorrectCentred() {
+  const double h2 = h_ * h_;
+  const RateDerivatives<VectorX> q(earlier_.v_before, earlier_.v, v_[0], v_[1], v_[2], h_);
+  motion_.centred.q_dot -= h2 / 6 * q.second;
+  motion_.centred.q_ddot -= h2 / 12 * q.third;
+  const RateDerivatives<Vector6> V(earlier_.V_before, earlier_.V, V_[0], V_[1], V_[2], h_);
+  const Vector6 twist = 0.5 * (V_[1] + V_[2]), change = (V_[2] - V_[1]) / h_;
+  const Vector6 dV = -h2 / 6 * V.second - h2 / 12 * Bracket(twist, change);
+  motion_.centred.A += -h2 / 12 * V.third - h2 / 12 * Bracket(twist, V.second);
+  motion_.centred.V.head<3>() += dV.head<3>();
+  if (base_ > 0)  // seen by one who moves as the origin does
+    motion_.centred.A.tail<3>() +=
+        twist.head<3>().cross(Vector3(dV.tail<3>())) + dV.head<3>().cross(Vector3(twist.tail<3>()));
+  else
+    motion_.centred.V.tail<3>() += dV.tail<3>();
+  mean_.F_W -= contacts_curved_ / 6;
+  mean_.stops -= (stop_forces_[2] - 2 * stop_forces_[1] + stop_forces_[0]) / 6;
 }
 
 void ErrorCompanion::Residuals(const MechanismDynamics& m, const Vector3& gravity_W,

@@ -13,6 +13,17 @@ namespace fork1s {
 /// step, the other scheme what acts half way.
 Vector6 LoadAtNode(const Vector6& before, const Vector6& after, bool by_euler);
 
+/// Derivatives at node n of mean rates v0 to v4 over the steps (n-4, n-3) to (n, n+1), right to h^2.
+template <typename T>
+struct RateDerivatives {
+  RateDerivatives(const T& v0, const T& v1, const T& v2, const T& v3, const T& v4, double h)
+      : second((3 * (v4 - v3) - 4 * (v3 - v2) + (v2 - v1)) / (2 * h * h)),
+        // From nodes n-1 and n-2 on to n.
+        third((2 * ((v4 - v3) - 2 * (v3 - v2) + (v2 - v1)) - ((v3 - v2) - 2 * (v2 - v1) + (v1 - v0))) /
+              (h * h * h)) {}
+  T second, third;
+};
+
 /// Coordinates y of a mechanism's error: a small turn and shift of a floating base in R, then motions of the
 /// joints that keep loops closed.
 class ErrorCompanion {
@@ -28,9 +39,11 @@ class ErrorCompanion {
   /// Loads of the coming step.
   void Begin(const MechanismDynamics& m);
   /// The step's end: pose and the contacts' wrenches [6 x bodies] about the world's origin in world axes,
-  /// those of the step before, as they lie at the node, and those of this one; forces of stops [n].
+  /// those of the step before, as they lie at the node, and those of this one; forces of stops [n]. `smooth`:
+  /// in the last five steps forces of contacts changed gently, by `contacts_curved_W` from step to step (second
+  /// difference of the last three, as they lie at the node).
   void End(const MechanismDynamics& m, const Matrix6X& contacts_before_W, const Matrix6X& contacts_W,
-           const VectorX& stops, const StepOptions& options);
+           const Matrix6X& contacts_curved_W, const VectorX& stops, const StepOptions& options, bool smooth);
 
   /// New basis and tangent at the node: M, D, K of y. `from`: coefficients [size x k] of the old basis become
   /// those of the new one.
@@ -75,18 +88,28 @@ class ErrorCompanion {
     VectorX controls_from;    // at its start, between which controls are linear
   };
   void Centre();
+  void CorrectCentred();
+  bool ControlsKink() const;
   // [base; n] force that is missing.
   void Missing(const MechanismDynamics& m, const Vector3& gravity_W, const VectorX& q,
                const RigidTransform& X_WR, const Motion& motion, const Loads& loads, VectorX& out);
 
   int base_ = 0, steps_ = 0;
+  int nodes_without_kink_ = 0;  // of controls, up to the present one
+  bool smooth_ = false;
   double h_ = 0;
   bool by_euler_ = true;
   VectorX q_[3];         // of the node before, the node, the node after it
   RigidTransform X_[3];  // X_WR
   VectorX v_[3];         // between: before the node before, before the node, after it
   Vector6 V_[3];
-  Loads loads_[2], mean_;  // of the step to the node, and from it
+  struct {  // in the step before that of v_[0], and in the one before
+    VectorX v, v_before;
+    Vector6 V = Vector6::Zero(), V_before = Vector6::Zero();
+  } earlier_;
+  Matrix6X contacts_curved_;
+  VectorX stop_forces_[3];  // in the step to the node before, to the node, and from it
+  Loads loads_[2], mean_;   // of the step to the node, and from it
   Kinematics kinematics_;
   struct {  // loads without contacts, in the step to the node and in the one from it
     Matrix6X before, now;

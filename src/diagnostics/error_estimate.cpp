@@ -2,6 +2,7 @@
 #include <fork1s/diagnostics/error_estimate.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <deque>
 #include <fork1s/recovery/recover.hpp>
@@ -20,6 +21,21 @@ constexpr int kParts = 3;  // interior, nonlinear, time
 constexpr int kTime = 2;
 constexpr int kSubsteps = 4;                    // of the companion in a step
 constexpr double kGamma = 0.29289321881345254;  // 1 - 1/√2
+
+// Points that carry load, and whether they slide.
+using ContactModes = std::vector<std::array<int, 5>>;
+
+ContactModes ModesOf(const std::vector<ContactRecord>& contacts) {
+  ContactModes modes;
+  for (const ContactRecord& c : contacts)
+    if (c.impulse(0) > 0)
+      modes.push_back({c.point.body_a, c.point.body_b, c.point.geometry_a, c.point.geometry_b,
+                       c.friction > 0 && c.use <= 1 ? 0 : 1});
+  std::sort(modes.begin(), modes.end());
+  return modes;
+}
+
+constexpr int kStencil = 5;  // steps of the differences of ErrorCompanion::CorrectCentred
 
 }  // namespace
 
@@ -45,7 +61,8 @@ struct ErrorEstimate::Detail {
     LuFactor factor, kink_factor;
   } tangent;
   ErrorContacts contacts;
-  std::vector<ContactRecord> last;  // of the step to the node
+  std::vector<ContactRecord> last, before_last;  // of the step to the node, and of the one before
+  int smooth_steps = 0;  // up to the last one, in which contacts neither came, went nor changed sides
   std::vector<BodyError> bodies;
   std::vector<Vector3> start;
   struct Seen {
@@ -241,12 +258,24 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
   const ContactLoads now = LoadsOf(world, contacts, h);
   const ContactLoads then =
       d.progress.steps == 0 ? now : LoadsOf(world, MovedTo(world.start_points(), d.last), h);
+  const ContactLoads older =
+      d.progress.steps < 2 ? then : LoadsOf(world, MovedTo(world.start_points(), d.before_last), h);
+  const auto curved_load = [](const auto& to_node, const auto& from_node, const auto& before) {
+    return (from_node - 2 * to_node + before).eval();
+  };
+  // A step in which points begin or cease to bear, stick or slide, has no Taylor series.
+  const bool same = !report.impact && report.parts == 1 && ModesOf(d.last) == ModesOf(world.contacts());
+  d.smooth_steps = same ? d.smooth_steps + 1 : 0;
+  const bool smooth = d.smooth_steps >= kStencil;
+  d.before_last = d.last;
   d.last = world.contacts();
   for (std::size_t i = 0; i < d.mechanisms.size(); ++i) {
     const MechanismDynamics& m = world.mechanisms()[i];
     VectorX stops = VectorX::Zero(m.mechanism().num_coordinates());
     world.AddStopForces(static_cast<int>(i), h, stops);
-    d.mechanisms[i].End(m, then.mechanisms[i], now.mechanisms[i], stops, options);
+    d.mechanisms[i].End(m, then.mechanisms[i], now.mechanisms[i],
+                        curved_load(then.mechanisms[i], now.mechanisms[i], older.mechanisms[i]), stops,
+                        options, smooth);
   }
   for (std::size_t i = 0; i < d.free_bodies.size(); ++i) {
     FreeBodyPath& path = d.free_bodies[i];
@@ -310,6 +339,12 @@ void ErrorEstimate::End(const World& world, const StepOptions& options, const St
     d.turn.block<3, 1>(at + 3, 2) = -I.mass * (p.v[2] - p.v[1]).tail<3>() / h;
     d.force.block<3, 1>(at, 2) = F.head<3>() - p.X[1].translation().cross(Vector3(F.tail<3>()));
     d.force.block<3, 1>(at + 3, 2) = F.tail<3>() + b.weight_share() * I.mass * options.gravity;
+    if (smooth && !by_euler && d.progress.steps > kStencil) {
+      d.turn.block<6, 1>(at, 2) = -p.MomentumRate(I, h);
+      Vector6 curved = curved_load(then.free_bodies[i], now.free_bodies[i], older.free_bodies[i]);
+      curved.head<3>() -= p.X[1].translation().cross(Vector3(curved.tail<3>()));
+      d.force.block<6, 1>(at, 2) -= curved / 6;
+    }
   }
   d.Pass();
   d.contacts.ComputeRows(world, contacts, d.mechanisms, d.free_bodies, h);

@@ -6,9 +6,11 @@
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <lab/accuracy.hpp>
+#include <lab/error_families.hpp>
 #include <mechanisms.hpp>
 #include <numbers>
 #include <random_mechanism.hpp>
+#include <tuple>
 
 namespace fork1s {
 namespace {
@@ -213,6 +215,24 @@ void ExpectMostInside(const Shares& shares) {
   // taken where the step ends, what rolls was told an error of 100 times its own.
   EXPECT_GT(shares.two_stage.all, 300);
   EXPECT_GE(shares.two_stage.inside, 0.85 * shares.two_stage.all);
+}
+
+// Centred differences err by as much as two stages do. With them alone 87.6 % of the frames of these trees and
+// 85.6 % of those on driven bases were told within half and three times the error: what was told was their own
+// error. Nine of ten frames are what a user may expect.
+TEST(ErrorEstimate, OfTwoStagesIsNotThatOfItsOwnDifferences) {
+  ErrorShares trees, driven;
+  for (unsigned seed = 1001; seed <= 1160; seed += 8) {
+    for (const auto& [family, sum, of] : {std::tuple(ErrorFamily::kTree, &trees, seed),
+                                          std::tuple(ErrorFamily::kDriven, &driven, seed + 3)}) {
+      auto result = MeasureErrorCase(DrawErrorCase(family, of), family, of, ErrorTruth::kAllModes);
+      ASSERT_TRUE(result) << result.error().Text();
+      *sum += result->shares;
+    }
+  }
+  EXPECT_GE(trees.inside, 0.9 * trees.told());
+  EXPECT_GE(driven.inside, 0.9 * driven.told());
+  EXPECT_LE(trees.below + driven.below, 0.02 * (trees.told() + driven.told()));
 }
 
 // Seeds 1 to 24, of the others 1 to 12, are those on which the estimate was tried while it was made; 101 to
