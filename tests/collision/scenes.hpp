@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <fork1s/collision/collision_world.hpp>
+#include <meshes.hpp>
 
 namespace fork1s::testing {
 
@@ -48,23 +49,6 @@ inline std::vector<ContactPoint> Contacts(const std::vector<CollisionBodyDef>& b
     EXPECT_LT(c.gap, options.margin);
   }
   return contacts;
-}
-
-/// The corners of a box as a mesh, moved away from its own centre by `shift`.
-inline MeshShape BoxMesh(const Vector3& half, const Vector3& shift) {
-  auto mesh = std::make_shared<TriangleMesh>();
-  mesh->name = "box";
-  for (int k = 0; k < 8; ++k) {
-    const Vector3 corner(k & 1 ? 1 : -1, k & 2 ? 1 : -1, k & 4 ? 1 : -1);
-    mesh->vertices.push_back((corner.cwiseProduct(half) + shift).cast<float>());
-  }
-  constexpr int kQuads[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
-                                {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
-  for (const auto& q : kQuads) {
-    mesh->triangles.emplace_back(q[0], q[1], q[2]);
-    mesh->triangles.emplace_back(q[0], q[2], q[3]);
-  }
-  return MeshShape{mesh};
 }
 
 }  // namespace fork1s::testing

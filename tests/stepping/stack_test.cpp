@@ -1,6 +1,6 @@
 // What is stacked comes to rest, whatever the faces on each other.
 #include <cmath>
-#include <numbers>
+#include <meshes.hpp>
 #include <stepping/support.hpp>
 
 namespace fork1s {
@@ -11,17 +11,7 @@ using testing::kDown;
 
 constexpr double kHalf = 0.05;  // m
 
-// A prism of `corners` sides about z, 0.1 m wide and high.
-MeshShape Prism(int corners) {
-  auto mesh = std::make_shared<TriangleMesh>();
-  mesh->name = "prism";
-  for (int k = 0; k < 2 * corners; ++k) {
-    const double angle = 2 * std::numbers::pi * (k / 2) / corners;
-    mesh->vertices.push_back(
-        Vector3(kHalf * std::cos(angle), kHalf * std::sin(angle), k % 2 ? kHalf : -kHalf).cast<float>());
-  }
-  return {mesh};
-}
+Shape Prism(int sides) { return testing::PrismMesh(sides, kHalf, kHalf); }
 
 // Five of 1 kg on a floor, each turned by 0.1 rad against the one below.
 World Stack(const std::vector<Shape>& shapes) {
