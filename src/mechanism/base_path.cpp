@@ -39,8 +39,6 @@ BasePath ComputeBasePath(const RigidTransform& X_start, const Vector6& rate_star
   path.X_start = X_start;
   path.X_end = X_end;
   path.h = h;
-  path.h_before = history.h;
-  path.mean_rate_before = history.mean_rate;
   path.shift << LogRotation(X_end.rotation() * X_start.rotation().transpose()),
       X_end.translation() - X_start.translation();
   const Vector6 mean_rate = path.MeanRate();

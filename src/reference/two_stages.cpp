@@ -107,7 +107,8 @@ FullStepReport FullSimulation::Detail::StepByStages() {
   if (report.finite) {
     for (const FullContact& c : contacts) report.contacts += c.force.isZero(0) ? 0 : 1;
     for (std::size_t i = 0; i < base_now.size(); ++i)
-      if (mechanisms[i].mechanism().base() == BaseKind::kDriven) base_history[i] = base_path[i].History();
+      if (mechanisms[i].mechanism().base() == BaseKind::kDriven)
+        base_history[i] = base_path[i].History(base_history[i]);
     base_now = base_next;
     controls_before = controls;
     ++steps;

@@ -151,7 +151,7 @@ BasePath PathOfBase(const MechanismState& state, double h) {
 
 void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, double h) {
   if (here.model.mechanism().base() != BaseKind::kDriven) return;
-  here.state.base_history = PathOfBase(start, h).History();
+  here.state.base_history = PathOfBase(start, h).History(start.base_history);
 }
 
 void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second) {

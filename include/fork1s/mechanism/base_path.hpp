@@ -21,8 +21,7 @@ struct BaseHistory {
 /// θ(s) and p(s), s from 0 to 1: R(s) = exp(θ(s)) R_start, and p(s) from the start; both in world axes.
 struct BasePath {
   RigidTransform X_start, X_end;
-  double h = 0, h_before = 0;  // s: of the step, and of the one before
-  Vector6 mean_rate_before = Vector6::Zero();
+  double h = 0;                                                        // s
   Vector6 shift = Vector6::Zero();                                     // [θ(1); p(1)]
   Vector6 slope_start = Vector6::Zero(), slope_end = Vector6::Zero();  // d/dt [θ; p]
   /// The rate at the start is not the one that the base had: no smooth path leads to X_end.
@@ -34,8 +33,8 @@ struct BasePath {
   /// The Hermite cubic.
   RigidTransform PoseAt(double share) const;
   Vector6 MeanRate() const { return shift / h; }
-  /// What the next step knows of this one.
-  BaseHistory History() const { return {h, h_before, MeanRate(), mean_rate_before}; }
+  /// What the next step knows of this one, which knew `before`.
+  BaseHistory History(const BaseHistory& before) const { return {h, before.h, MeanRate(), before.mean_rate}; }
   /// [θ; p] of PoseAt.
   Vector6 DisplacementAt(double share) const;
 };
