@@ -17,7 +17,8 @@
 // A driven base follows a path with a rate that is quadratic in time and continuous from step to step
 // (base_path.hpp). A stage takes the rate at its end. As everything else does, the base moves by that rate
 // from the base point of the stage, so that what rests on it keeps its gap: its first pose is off by O(h²),
-// the last is that of the input. Where the rate jumps, the joints feel an impulse at the start of the step: M
+// the last is that of the input. Steps of backward Euler alone go by the mean rate: what sticks to the base moves by h
+// times the rate of their end. Where the rate jumps, the joints feel an impulse at the start of the step: M
 // (w' - w) = M_0zᵀ (V_last - V).
 #include <algorithm>
 #include <cmath>
@@ -100,7 +101,7 @@ void EvaluateStage(const MechanismStep& here, double b) {
   if (HasSwitches(here)) OpenSwitches(here);
 }
 
-void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W) {
+void BeginStep(const MechanismStep& here, double h, double b, bool by_chord, const Vector3& gravity_W) {
   const auto& [model, state, ws] = here;
   const int r = model.size();
   ws.forces.gravity_W = gravity_W;
@@ -125,6 +126,10 @@ void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gra
   if (model.base_size > 0) ws.start.drift_W = ws.floating.linear_W / ws.mass.M_00(5, 5);
   if (model.mechanism().base() == BaseKind::kDriven) {
     ws.driven.path = PathOfBase(state, h);
+    if (by_chord) {
+      ws.driven.path.slope_start = ws.driven.path.slope_end = ws.driven.path.MeanRate();
+      ws.driven.path.jumps = false;
+    }
     ws.start.drift_W = ws.driven.path.MeanRate().tail<3>();
     if (ws.driven.path.jumps) state.reduced.V_R = BaseTwist(ws.driven.path, 0, state.reduced.X_WR);
     if (ws.driven.path.jumps && r > 0) {

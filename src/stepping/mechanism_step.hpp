@@ -91,9 +91,9 @@ int NumForcesAtBound(const MechanismState& state);
 
 // The stages of a step (implicit_stage.cpp), b: length of a stage [s].
 
-/// Begins a step of h [s]: impulse of a driven base whose twist
-/// changes, the base points of the first stage, of length b [s], and the velocity predicted for its end.
-void BeginStep(const MechanismStep& here, double h, double b, const Vector3& gravity_W);
+/// Begins a step of h [s]: impulse of a driven base whose twist changes, the base points of the first stage,
+/// of length b [s], and the velocity predicted for its end. `by_chord`: a driven base goes at its mean rate.
+void BeginStep(const MechanismStep& here, double h, double b, bool by_chord, const Vector3& gravity_W);
 /// Controls of the first stage, of length b [s], of a step that begins at `start`: of what held controls
 /// jumped by as much as the mechanism follows within the step (control_jump.cpp). `onward`: s of the scheme.
 void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward);

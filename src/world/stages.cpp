@@ -52,8 +52,10 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
-    bodies_.ForMechanisms(
-        [&](std::size_t i) { fork1s::BeginStep(bodies_.mechanisms[i], h, b, options.gravity); });
+    bodies_.ForMechanisms([&](std::size_t i) {
+      fork1s::BeginStep(bodies_.mechanisms[i], h, b, options.integrator == Integrator::kEuler,
+                        options.gravity);
+    });
     for (FreeBody& body : bodies_.free_bodies) body.BeginStep(b, options.gravity);
     RecordStageStart(true);
   }
