@@ -54,7 +54,7 @@ Expected<ChainCost> MeasureOnOneThread(int joints) {
   constexpr double kStep = 1.0 / 60;
   for (int i = 0; i < 300; ++i)
     steps_us.push_back(MicrosecondsOf([&] {  // backward Euler by one Newton iteration
-      BeginStep(*dynamics, kStep, kStep, Vector3(0, 0, -0.1));
+      BeginStep(*dynamics, kStep, kStep, true, Vector3(0, 0, -0.1));
       MoveToStagePose(*dynamics, kStep, kStep);
       SolveFreeStage(*dynamics, kStep);
       AcceptStage(*dynamics, kStep, kStep, true);
