@@ -1,4 +1,5 @@
 // What `run` says of its own error, and of bodies that pass through others.
+#include <cmath>
 #include <string>
 
 #include <fmt/format.h>
@@ -43,11 +44,16 @@ TEST(ErrorEstimate, IsToldWhereAskedFor) {
 
 TEST(ErrorEstimate, ChoosesWhatAnAccuracyAsksFor) {
   const std::string model = Write("arm_accuracy.xml", Arm("tip", -5));
-  const auto json = Fork1s("run --json --accuracy 1mm --time 0.5 " + model).Json();
+  const auto json = Fork1s("run --json --accuracy 0.2mm --time 0.5 " + model).Json();
   const auto accuracy = json["accuracy"];
   ASSERT_TRUE(accuracy["met"].get<bool>()) << accuracy.dump();
-  EXPECT_GT(accuracy["trials"].size(), 1u);  // 1/60 s is not enough
-  EXPECT_LE(json["error_estimate_mm"]["tip"]["max"].get<double>(), 1);
+  EXPECT_GT(accuracy["trials"].size(), 1u);  // at 1/60 s the tip is 0.57 mm off
+  EXPECT_LE(json["error_estimate_mm"]["tip"]["max"].get<double>(), 0.2);
+  const auto truth = Fork1s("run --json --time 0.5 --dt 0.0005208333333333333 " + model).Json();
+  const auto tip = [](const nlohmann::json& run, int axis) {
+    return 1e3 * run["interface"][0]["position_m"][axis].get<double>();
+  };
+  EXPECT_LE(std::hypot(tip(json, 0) - tip(truth, 0), tip(json, 2) - tip(truth, 2)), 0.2);
   EXPECT_EQ(json["dt_s"], accuracy["chosen"]["dt_s"]);
   for (const char* wrong : {"0.5", "0mm", "-1%", "mm", "1in"})
     EXPECT_NE(Fork1s(fmt::format("run --accuracy={} {}", wrong, model)).code, 0) << wrong;
