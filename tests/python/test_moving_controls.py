@@ -165,4 +165,4 @@ def test_a_driven_base_with_rates_equals_the_table(scenes, tmp_path):
         known.step(move=True)
         estimated.step(move=True)
         assert_allclose(known.poses, poses[k], rtol=0, atol=1e-9)  # the rates are rounded otherwise
-    assert abs(estimated.poses - poses[-1]).max() > 1e-7
+    assert abs(estimated.poses - poses[-1]).max() > 1e-8  # estimated rates are off by the cube of the step
