@@ -92,7 +92,7 @@ def on_page_markdown(markdown: str, page, **_) -> str:
         # Pages lead to notebooks, which is what there is in the repository; on the site to what became of them.
         markdown = re.sub(r"(\]\((?:\.\./)?notebooks/[\w-]+)\.ipynb", r"\1.md", markdown)
     if page.file.src_uri == "command_line.md":
-        page.meta["search"] = {"boost": 2}  # a command as it is typed has words of many pages in it
+        page.meta["search"] = {"boost": 1.3}  # a command as it is typed has words of many pages in it
         return markdown.replace("<!-- commands -->", _command_line())
     if page.file.src_uri != "api_cpp.md":
         return markdown
