@@ -106,7 +106,6 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   const int r = model.size();
   pose.G.resize(r, r);
   pose.D.resize(r, r);
-  pose.scratch.resize(r, r);
   pose.X_RG.resize(out->groups.size());
   pose.J.assign(out->groups.size(), Matrix6X::Zero(6, r));
   pose.q = out->expansion.q;

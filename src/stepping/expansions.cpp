@@ -22,7 +22,7 @@ constexpr double kNear = 1.0 / 16;
 // An expansion costs as much as some steps by exact poses: where fewer steps go by it, or fewer than twice as many by the
 // next one, it is not made.
 constexpr double kStepsThatPay = 6;
-// The same of the change of inertia, which leaves out nothing while it is small: less would cost more than it saves.
+// The same where it is the inertia that asks for the next one: that bounds what is left out, so only the cost counts.
 constexpr double kLeastSteps = 3;
 // A pose beyond that is none: inertia to first order may have lost its sign.
 constexpr double kBeyond = 3;  // times kFar
@@ -41,11 +41,11 @@ double FarthestTurn(const MechanismView& here, const RowMatrixX& rows, const Vec
 }
 
 // Of L⁻¹ (G + Gᵀ) L⁻ᵀ, M* = L Lᵀ: its Frobenius norm, which bounds what any motion sees. In kInertiaChanged.
-double InertiaChange(const MechanismStep& here, const MatrixX& G) {
+double InertiaChange(const MechanismStep& here) {
   MechanismWorkspace& ws = here.work;
   MatrixX& change = ws.expansion.pose.scratch;
-  change.noalias() = ws.expansion.of->M_inverse * G;
-  change.noalias() += ws.expansion.of->M_inverse * G.transpose();
+  change.noalias() = ws.expansion.of->M_inverse * ws.expansion.pose.G;
+  change.noalias() += ws.expansion.of->M_inverse * ws.expansion.pose.G.transpose();
   return std::sqrt(std::max(0.0, change.cwiseProduct(change.transpose()).sum())) / kInertiaChanged;
 }
 
@@ -86,7 +86,7 @@ void ResetConfiguration(const MechanismStep& here) {
 bool IsFar(const MechanismStep& here, double farthest) {
   const MechanismWorkspace& ws = here.work;
   return FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) > farthest ||
-         InertiaChange(here, ws.expansion.pose.G) > 1;
+         InertiaChange(here) > 1;
 }
 
 void DropExpansion(const MechanismStep& here) {

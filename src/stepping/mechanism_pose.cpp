@@ -64,6 +64,7 @@ void Size(const MechanismStep& here) {
   ws.x.resize(nx);
   if (model.base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.x.tail(r) = state.reduced.w;
+  ws.expansion.pose.scratch.resize(r, r);
   ws.scratch.rhs.resize(nx);
   ws.scratch.solved.resize(nx);
   ws.momentum_change.all.resize(nx);
