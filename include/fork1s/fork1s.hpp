@@ -22,6 +22,7 @@
 #include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/control_move.hpp>
 #include <fork1s/sim/draw.hpp>
+#include <fork1s/sim/linearize.hpp>
 #include <fork1s/sim/load_factor.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>

@@ -313,10 +313,11 @@ void Fields(A& a, Like<ContactMaterial, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<StepOptions, A>& s) {
-  auto& [h, integrator, controls_move, gravity, material, refresh, contact] = s;
+  auto& [h, integrator, controls_move, gravity, material, refresh, newton_tolerance, contact] = s;
   a("h", h), a("integrator", integrator), a("controls_move", controls_move);
   a("gravity", gravity), a("material", material);
   a("refresh", refresh), a("contact", contact);
+  a.Optional("newton_tolerance", newton_tolerance);
 }
 
 template <class A>

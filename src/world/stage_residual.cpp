@@ -12,12 +12,13 @@ namespace {
 constexpr int kIterationsOfMatrix = 3;
 // What moves by less than these shares of the stage's motion and of a mechanism's length does not matter.
 constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
-// A stage is solved where another iteration would change poses by less than kRelativeTolerance of the motion
-// and than kChangeTolerance of what the velocity has changed by in the step. What is left adds up to at most
+// A stage is solved where another iteration would change poses by less than the tolerance, a share of the motion,
+// and than ten times that share of what the velocity has changed by in the step. What is left adds up to at most
 // that share of all that the velocity changes by, however many steps that takes. kRounding is a share of the
 // length below which nothing is counted. Stiff mechanisms leave more by rounding: where an iteration no
-// longer helps, what does not matter is accepted.
-constexpr double kChangeTolerance = 1e-5, kRounding = 1e-12;
+// longer helps, what does not matter is accepted, and where it helps slowly, the same share of that as the tolerance is
+// of the default.
+constexpr double kRounding = 1e-12;
 // Contacts of meshes jump from one facet to another between iterations. A stage that would be halved is
 // accepted with a residual within this share of the length, and reported.
 constexpr double kStagnationTolerance = 1e-6;
@@ -35,20 +36,20 @@ double Negligible(double motion, double length) {
   return kRelativeTolerance * motion + kLengthTolerance * length;
 }
 
-double Tolerance(const StageMotion& moved, double length) {
-  return std::min(kRelativeTolerance * moved.motion, kChangeTolerance * moved.velocity_change) +
-         kRounding * length;
+double Tolerance(double share, const StageMotion& moved, double length) {
+  return share * std::min(moved.motion, 10 * moved.velocity_change) + std::min(kRounding, share) * length;
 }
 
 // Adds a residual [m] of something that moves by `motion` [m] in the stage.
-void Add(double residual, const StageMotion& moved, double length, StepSubject subject, StageResidual& out) {
+void Add(double residual, double tolerance, const StageMotion& moved, double length, StepSubject subject,
+         StageResidual& out) {
   // What is beyond the range of numbers is not solved, however large the motion that the residual is compared
   // with.
   const double ratio = std::isfinite(moved.motion) && std::isfinite(residual)
-                           ? residual / std::max(Tolerance(moved, length), 1e-300)
+                           ? residual / std::max(Tolerance(tolerance, moved, length), 1e-300)
                            : std::numeric_limits<double>::infinity();
   out.largest = std::max(out.largest, residual);
-  out.is_negligible = out.is_negligible && residual <= Negligible(moved.motion, length);
+  out.negligible = std::max(out.negligible, residual / std::max(Negligible(moved.motion, length), 1e-300));
   out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
   if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
   out.ratio = ratio;
@@ -64,7 +65,7 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
     FreeBody& body = all.free_bodies[i];
     StageMotion moved;
     const double residual = body.MoveAndComputeResidual(b, moved);
-    Add(residual, moved, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
+    Add(residual, at.tolerance, moved, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
         {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1}, bodies);
   }
   const auto length = [&](std::size_t i) { return all.mechanisms[i].mechanism().length_scale(); };
@@ -74,7 +75,7 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   newton.changes.resize(all.mechanisms.size());
   for (std::size_t i = 0; i < all.mechanisms.size(); ++i) {
     newton.changes[i] = ComputeStageChange(all.mechanisms[i], b);
-    Add(newton.changes[i].change, newton.changes[i], length(i), subject(i), changes);
+    Add(newton.changes[i].change, at.tolerance, newton.changes[i], length(i), subject(i), changes);
   }
   double& contraction = newton.contraction[at.scheme == StageScheme::kSecondOfTwo ? 1 : 0];
   const double next = contraction / (1 - contraction);
@@ -82,14 +83,14 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
     const bool is_last = at.scheme != StageScheme::kFirstOfTwo;
     all.ForMechanisms([&](std::size_t i) { AcceptStage(all.mechanisms[i], b, at.time, is_last); });
     for (std::size_t i = 0; i < all.mechanisms.size(); ++i)
-      Add(next * newton.changes[i].change, newton.changes[i], length(i), subject(i), bodies);
+      Add(next * newton.changes[i].change, at.tolerance, newton.changes[i], length(i), subject(i), bodies);
     // What is not measured is trusted less and less (Hairer & Wanner II, IV.8).
     contraction = std::pow(contraction, 0.8);
     return bodies;
   }
   for (std::size_t i = 0; i < all.mechanisms.size(); ++i)
-    Add(MoveAndComputeResidual(all.mechanisms[i], b, at.time), newton.changes[i], length(i), subject(i),
-        found);
+    Add(MoveAndComputeResidual(all.mechanisms[i], b, at.time), at.tolerance, newton.changes[i], length(i),
+        subject(i), found);
   if (changes.ratio > 0 && at.measures) {
     const double measured = std::clamp(found.ratio / changes.ratio, kLeastContraction, kNoContraction);
     contraction = at.is_first ? measured : std::max(contraction, measured);
@@ -101,7 +102,7 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   found.ratio = std::max(found.ratio, bodies.ratio);
   found.largest = std::max(found.largest, bodies.largest);
   found.is_small = found.is_small && bodies.is_small;
-  found.is_negligible = found.is_negligible && bodies.is_negligible;
+  found.negligible = std::max(found.negligible, bodies.negligible);
   return found;
 }
 

@@ -11,12 +11,12 @@ namespace fork1s {
 
 /// At the pose found.
 struct StageResidual {
-  double ratio = 0;     // largest residual, in tolerances
-  double largest = 0;   // m
-  StepSubject subject;  // of the largest ratio
-  // Every residual is: too small to matter, as the motion goes; within its tolerance or a share of the length
-  // that noise may leave.
-  bool is_negligible = true, is_small = true;
+  double ratio = 0;       // largest residual, in tolerances
+  double largest = 0;     // m
+  StepSubject subject;    // of the largest ratio
+  double negligible = 0;  // largest residual, as a share of what is too small to matter, as the motion goes
+  bool is_small =
+      true;  // every residual is within its tolerance or a share of the length that noise may leave
   bool is_slow = false;  // the iteration contracts so slowly that a new matrix is worth its cost
 };
 
@@ -31,6 +31,7 @@ struct NewtonIteration {
 struct StageEnd {
   StageScheme scheme = StageScheme::kBackwardEuler;
   double b = 0, time = 0;  // s: of the stage, from the start of the step to its end
+  double tolerance = 0;    // StepOptions::newton_tolerance
   bool is_first = true;    // of the iterations
   bool may_accept = true;  // without an evaluation, where the contraction promises as much
   bool measures = true;    // the contraction

@@ -168,8 +168,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides
       // in the solve the contraction of other iterations says nothing.
       const bool may_accept = !stage_.rows_from_start && rows_.bounded_forces.empty();
-      return MoveAndComputeResiduals(
-          {scheme, stage.h, time, iteration == 1, may_accept, !stage_.rows_from_start}, bodies_, newton_);
+      return MoveAndComputeResiduals({scheme, stage.h, time, options.newton_tolerance, iteration == 1,
+                                      may_accept, !stage_.rows_from_start},
+                                     bodies_, newton_);
     }();
     if (!IsFinite(true)) break;
     const bool from_start = stage_.rows_from_start;
@@ -178,7 +179,10 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       if (iteration == max_iterations || !std::isfinite(detection_.least_margin)) break;
       continue;
     }
-    const bool helps = iteration == 1 || (found.ratio < last.ratio && !found.is_slow);
+    const bool stagnates = iteration > 1 && !(found.ratio < last.ratio),
+               is_slow_end = iteration > 1 && found.is_slow &&
+                             found.negligible <= options.newton_tolerance / StepOptions{}.newton_tolerance,
+               is_accepted = is_slow_end || (stagnates && found.negligible <= 1);
     // By a matrix of another pose a growth says nothing of the equation.
     growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
@@ -191,8 +195,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       growths = 0;
       max_iterations = iteration + 2 * kMaxNewtonIterations;
     }
-    if (!from_start && (found.ratio <= 1 || (found.is_negligible && !helps) || (ends && found.is_small))) {
-      if (found.ratio > 1 && !found.is_negligible) report.stages_converged = false;
+    if (!from_start && (found.ratio <= 1 || is_accepted || (ends && found.is_small))) {
+      if (found.ratio > 1 && found.negligible > 1) report.stages_converged = false;
       if (found.largest > report.stage_residual) {
         report.stage_residual = found.largest;
         report.stage_residual_of = found.subject;

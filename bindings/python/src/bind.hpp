@@ -12,6 +12,7 @@ void BindRecovery(nanobind::module_& m);
 class Runner;
 /// What bind_simulation.cpp leaves to bind_state.cpp.
 void BindState(nanobind::class_<Runner>& simulation);
+void BindLinearize(nanobind::module_& m, nanobind::class_<Runner>& simulation);
 void BindSnapshot(nanobind::module_& m);
 void BindSimulation(nanobind::module_& m);
 void BindControls(nanobind::module_& m);

@@ -269,6 +269,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
                    " s>";
           });
   BindState(simulation);
+  BindLinearize(m, simulation);
 }
 
 }  // namespace fork1s::python

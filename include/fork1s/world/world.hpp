@@ -59,7 +59,8 @@ struct StepOptions {
   bool controls_move = false;
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
   ContactMaterial material;
-  bool refresh = true;  // move the reference when the pose has left it
+  bool refresh = true;             // move the reference when the pose has left it
+  double newton_tolerance = 1e-6;  // share of the motion of a stage that its solution may be off by
   ContactSolverOptions contact;
 };
 

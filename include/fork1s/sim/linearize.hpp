@@ -1,0 +1,67 @@
+// A step of a simulation to first order: what design of controllers and observers starts from.
+#pragma once
+
+#include <fork1s/sim/simulation.hpp>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+struct LinearizeOptions {
+  /// Bodies whose poses are the outputs, places in Simulation::bodies().
+  std::vector<int> outputs;
+  /// By how much coordinates are moved: radians, and shares of a length of what they move. Rates by that a step.
+  double change = 1e-6;
+};
+
+/// A step x' = f(x, u) of length dt about the state x* and the held controls u* of a simulation:
+///     δx' = c + A δx + B δu,   δy = C δx,   c = f(x*, u*) ⊖ x*
+/// δx = [δp; δv] counts from x*. δp: for every mechanism independent joint coordinates [rad or m], as many as it has
+/// freedoms, and of a base that floats its rotation vector [rad] and the displacement of its origin [m]; for every
+/// free body the same six; world axes. δv: their rates, of rotations the angular velocity. δu: of all controls. δy:
+/// of every output six as of a free body.
+struct LinearizedStep {
+  double dt = 0;                         // s
+  std::size_t num_joints = 0;            // joint coordinates of the scene
+  std::vector<std::string> coordinates;  // n names, of δp and of δv: "elbow", "drone.rx", "ball.z"
+  std::vector<std::string> inputs;       // m: Simulation::control_names()
+  std::vector<std::string> outputs;      // l: "cup.rx"
+  MatrixX A;                             // 2n x 2n
+  MatrixX B;                             // 2n x m
+  VectorX c;                             // 2n: 0 where the state is at rest
+  MatrixX C;                             // l x 2n
+  VectorX controls;                      // m: u*
+  /// Shares by which differences to both sides of a column of A and B differ from each other: those that do by more
+  /// than 0.01 stand on a switch, where a contact or stop opens, friction begins to slide, or a force meets its bound,
+  /// and their column is the mean of two.
+  struct Switch {
+    std::string of;      // "rate of elbow", or the name of an input
+    double share = 0;    // |f(+) - 2 f(0) + f(-)| over |f(+) - f(-)|
+    std::string change;  // what differs from the step that is not moved: "contacts 3 instead of 4"
+  };
+  std::vector<Switch> switches;
+  /// The largest entry of A and B in which differences of twice the change differ, before both are extrapolated.
+  double difference = 0;
+
+  /// δx of a state of the same scene, [2n]: what a feedback u = u* - K δx asks of each step.
+  VectorX Deviation(const Simulation& simulation) const;
+
+  // x*, by which Deviation counts.
+  struct Reference {
+    std::vector<int> joints;  // coordinates of the mechanism that are independent
+    VectorX q, q_dot;         // of those
+    bool has_base = false;    // six of a floating base, or of a free body
+    RigidTransform X;
+    Vector6 V = Vector6::Zero();  // world axes, of the origin
+  };
+  std::vector<Reference> mechanisms, free_bodies;
+};
+
+/// By central differences of whole steps, at two changes and extrapolated: 8 n + 4 m steps, each solved to rounding.
+/// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
+/// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
+/// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01], and while bodies are held
+/// by frozen contacts; kNumerics where a step is not solved.
+Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options = {});
+
+}  // namespace fork1s

@@ -1,0 +1,332 @@
+#include <fork1s/sim/linearize.hpp>
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <initializer_list>
+#include <utility>
+
+#include "linalg/null_space.hpp"
+#include "linalg/select.hpp"
+#include "linalg/solve.hpp"
+
+namespace fork1s {
+namespace {
+
+using Reference = LinearizedStep::Reference;
+
+constexpr const char* kSix[] = {"rx", "ry", "rz", "x", "y", "z"};
+// Share by which differences to both sides may differ where nothing switches. Of a smooth step it is its curvature,
+// some 1/(1 rad), times the change.
+constexpr double kSwitch = 0.01, kLargestChange = 0.01;
+// Newton's tolerance here: what rounding leaves.
+constexpr double kTolerance = 1e-15;
+
+Vector6 Turned(const Matrix3& R, const Vector6& V) {
+  Vector6 out;
+  out << R * V.head<3>(), R * V.tail<3>();
+  return out;
+}
+
+// Joint coordinates, in their units of length or angle, that tell all others.
+std::vector<int> IndependentJoints(const MechanismDynamics& m) {
+  if (m.model().size() == 0) return {};
+  const VectorX inverse_units = m.model().h_inverse.cwiseSqrt().cwiseInverse();
+  return ComputeNullSpace(inverse_units.asDiagonal() * m.configuration().Q_now).independent_rows;
+}
+
+int SizeOf(const Reference& of) { return static_cast<int>(of.q.size()) + (of.has_base ? 6 : 0); }
+
+Vector6 PoseDeviation(const RigidTransform& X, const RigidTransform& from) {
+  Vector6 out;
+  out << LogRotation(X.rotation() * from.rotation().transpose()), X.translation() - from.translation();
+  return out;
+}
+
+RigidTransform MovedPose(const RigidTransform& from, const Vector6& by) {
+  return {Matrix3(ExpRotation(by.head<3>()) * from.rotation()), Vector3(from.translation() + by.tail<3>())};
+}
+
+Vector6 BaseTwist(const MechanismDynamics& m) { return Turned(m.state().X_WR.rotation(), m.state().V_R); }
+
+Reference ReferenceOf(const MechanismDynamics& m) {
+  Reference out;
+  out.joints = IndependentJoints(m);
+  out.q = Entries(m.configuration().q, out.joints);
+  out.q_dot = Entries(m.configuration().Q_now * m.state().w, out.joints);
+  out.has_base = m.mechanism().base() == BaseKind::kFloating;
+  out.X = m.state().X_WR;
+  out.V = BaseTwist(m);
+  return out;
+}
+
+Reference ReferenceOf(const FreeBody& body) {
+  Reference out;
+  out.has_base = true;
+  out.X = body.pose();
+  out.V = body.OriginVelocity();
+  return out;
+}
+
+// The state of a mechanism with its coordinates and rates moved by p and v.
+void Move(const Reference& from, const VectorX& p, const VectorX& v, MechanismState& state) {
+  const auto joints = from.q.size();
+  if (joints > 0) {
+    const ReducedModel& model = *state.model;
+    Configuration at(model);
+    at.mu = state.mu;
+    Configure(model, state.reduced, at);
+    const auto solve = [&](const VectorX& of_joints) {
+      return SolveSquare(Rows(MatrixX(at.Q_now), from.joints), of_joints).col(0);
+    };
+    // Where loops bend, q follows z to second order.
+    for (int i = 0; i < 3; ++i) {
+      state.reduced.z += solve(from.q + p.head(joints) - Entries(at.q, from.joints));
+      Configure(model, state.reduced, at);
+    }
+    state.reduced.w = solve(from.q_dot + v.head(joints));
+    state.mu = at.mu;
+  }
+  if (!from.has_base) return;
+  state.reduced.X_WR = MovedPose(from.X, p.tail<6>());
+  state.reduced.V_R = Turned(state.reduced.X_WR.rotation().transpose(), from.V + v.tail<6>());
+}
+
+void Move(const Reference& from, const FreeBody& body, const VectorX& p, const VectorX& v,
+          FreeBody::State& state) {
+  const Vector6 V = from.V + v;
+  state.X_WB = MovedPose(from.X, p);
+  const Matrix3& R = state.X_WB.rotation();
+  const Vector3 omega = V.head<3>(), arm = R * body.inertia().center;
+  state.omega_B = R.transpose() * omega;
+  state.velocity = V.tail<3>() + omega.cross(arm);
+}
+
+void NameSix(const std::string& of, std::vector<std::string>& names) {
+  for (const char* coordinate : kSix) names.push_back(of + "." + coordinate);
+}
+
+class Linearizer {
+ public:
+  Linearizer(Simulation& simulation, const LinearizeOptions& options)
+      : simulation_(simulation), options_(options), start_(simulation.Save()) {}
+
+  Expected<LinearizedStep> Linearize() {
+    List();
+    const auto n = static_cast<Eigen::Index>(out_.coordinates.size()), m = start_.controls.size();
+    const VectorX still = VectorX::Zero(2 * n);
+    VectorX u = start_.controls;
+    StepReport report;
+    if (auto done = Step(still, u, out_.c, report); !done) return tl::unexpected(done.error());
+    at_rest_ = report;
+    out_.A.resize(2 * n, 2 * n);
+    out_.B.resize(2 * n, m);
+    out_.C.resize(static_cast<Eigen::Index>(out_.outputs.size()), 2 * n);
+    for (Eigen::Index k = 0; k < 2 * n; ++k) {
+      VectorX dx = still;
+      const auto step = [&](double change, VectorX& next, StepReport& of) {
+        dx(k) = change;
+        return Step(dx, u, next, of);
+      };
+      const std::string& name = out_.coordinates[static_cast<std::size_t>(k % n)];
+      if (auto done = Differentiate(step, change_(k), k < n ? name : "rate of " + name, out_.A.col(k)); !done)
+        return tl::unexpected(done.error());
+      out_.C.col(k).setZero();
+      if (k < n) DifferentiateOutputs(k, out_.C.col(k));
+    }
+    for (Eigen::Index k = 0; k < m; ++k) {
+      const auto step = [&](double change, VectorX& next, StepReport& of) {
+        u(k) = start_.controls(k) + change;
+        return Step(still, u, next, of);
+      };
+      const double change = options_.change * std::max(1.0, std::abs(u(k)));
+      const auto done = Differentiate(step, change, out_.inputs[static_cast<std::size_t>(k)], out_.B.col(k));
+      if (!done) return tl::unexpected(done.error());
+      u(k) = start_.controls(k);
+    }
+    return std::move(out_);
+  }
+
+ private:
+  // Names, references and by how much each coordinate is moved.
+  void List() {
+    std::vector<double> changes;
+    const std::vector<std::string> names = simulation_.CoordinateNames();
+    out_.num_joints = names.size();
+    std::size_t first = 0;
+    for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
+      const Reference& reference = out_.mechanisms.emplace_back(ReferenceOf(m));
+      for (const int i : reference.joints) {
+        out_.coordinates.push_back(names[first + static_cast<std::size_t>(i)]);
+        changes.push_back(std::sqrt(m.model().h_inverse(i)));
+      }
+      first += static_cast<std::size_t>(m.mechanism().num_coordinates());
+      if (reference.has_base) Append(m.mechanism().bodies()[0].name, m.mechanism().length_scale(), changes);
+    }
+    for (const FreeBody& body : simulation_.world().free_bodies()) {
+      out_.free_bodies.push_back(ReferenceOf(body));
+      Append(body.name(), std::sqrt(body.inertia().rotational.trace() / body.inertia().mass), changes);
+    }
+    for (const int body : options_.outputs)
+      NameSix(simulation_.bodies()[static_cast<std::size_t>(body)].name, out_.outputs);
+    const auto n = static_cast<Eigen::Index>(changes.size());
+    change_.resize(2 * n);
+    change_.head(n) = options_.change * Eigen::Map<const VectorX>(changes.data(), n);
+    out_.dt = simulation_.dt();
+    change_.tail(n) = change_.head(n) / out_.dt;
+    out_.inputs = simulation_.control_names();
+    out_.controls = start_.controls;
+  }
+  void Append(const std::string& name, double length, std::vector<double>& changes) {
+    NameSix(name, out_.coordinates);
+    for (int i = 0; i < 6; ++i) changes.push_back(i < 3 ? 1 : length);
+  }
+
+  // The simulation stands at x* + dx with controls u.
+  void MoveTo(const VectorX& dx, const VectorX& u) {
+    Simulation::Snapshot moved = start_;
+    moved.controls = u;
+    const auto n = dx.size() / 2;
+    Eigen::Index at = 0;
+    const auto part = [&](const Reference& of) {
+      const Eigen::Index first = std::exchange(at, at + SizeOf(of));
+      return std::pair<VectorX, VectorX>(dx.segment(first, at - first), dx.segment(n + first, at - first));
+    };
+    for (std::size_t i = 0; i < out_.mechanisms.size(); ++i) {
+      const auto [p, v] = part(out_.mechanisms[i]);
+      Move(out_.mechanisms[i], p, v, moved.world.mechanisms[i]);
+    }
+    for (std::size_t i = 0; i < out_.free_bodies.size(); ++i) {
+      const auto [p, v] = part(out_.free_bodies[i]);
+      Move(out_.free_bodies[i], simulation_.world().free_bodies()[i], p, v, moved.world.free_bodies[i]);
+    }
+    const auto done = simulation_.Restore(moved);
+    FORK1S_REQUIRE(done.has_value(), "what was saved here fits");
+  }
+
+  Expected<void> Step(const VectorX& dx, const VectorX& u, VectorX& next, StepReport& report) {
+    MoveTo(dx, u);
+    report = simulation_.Step(false);
+    if (!report.finite || !report.stages_converged)
+      return Fail(
+          ErrorCode::kNumerics, "linearization",
+          fmt::format("a step near this state is not solved ({}); shorten the time step or choose another "
+                      "state",
+                      simulation_.world().NameOf(report.stage_residual_of)));
+    next = out_.Deviation(simulation_);
+    return {};
+  }
+
+  // column <- the derivative of the next state by what `step` changes.
+  template <typename F>
+  Expected<void> Differentiate(const F& step, double change, const std::string& name,
+                               Eigen::Ref<VectorX> column) {
+    VectorX next[4];
+    StepReport reports[4];
+    constexpr double kChanges[] = {1, -1, 2, -2};
+    for (int i = 0; i < 4; ++i)
+      if (auto done = step(kChanges[i] * change, next[i], reports[i]); !done) return done;
+    const VectorX fine = (next[0] - next[1]) / (2 * change), coarse = (next[2] - next[3]) / (4 * change),
+                  weights = change_.cwiseInverse();
+    // In units of the changes: what rounding leaves is no switch.
+    const double bend = (next[0] - 2 * out_.c + next[1]).cwiseProduct(weights).lpNorm<Eigen::Infinity>(),
+                 moved = (next[0] - next[1]).cwiseProduct(weights).lpNorm<Eigen::Infinity>();
+    if (bend > kSwitch * std::max(moved, kSwitch)) {
+      out_.switches.push_back({name, bend / std::max(moved, kSwitch), WhatSwitched(reports[0], reports[1])});
+      column = fine;
+      return {};
+    }
+    out_.difference = std::max(out_.difference, (fine - coarse).cwiseAbs().maxCoeff());
+    column = (4 * fine - coarse) / 3;
+    return {};
+  }
+
+  std::string WhatSwitched(const StepReport& plus, const StepReport& minus) const {
+    const std::pair<const char*, int (*)(const StepReport&)> counts[] = {
+        {"contacts that bear", [](const StepReport& r) { return r.solver.active; }},
+        {"contacts that slide", [](const StepReport& r) { return r.solver.sliding; }},
+        {"joint limits that act", [](const StepReport& r) { return r.limits; }},
+        {"forces at their bound", [](const StepReport& r) { return r.forces_at_bound; }},
+        {"shorter steps", [](const StepReport& r) { return r.parts; }}};
+    std::string out;
+    for (const auto& [what, count] : counts) {
+      const int here = count(at_rest_), up = count(plus), down = count(minus);
+      if (here == up && here == down) continue;
+      out += fmt::format("{}{}: {}, with changes to both sides {} and {}", out.empty() ? "" : "; ", what,
+                         here, up, down);
+    }
+    return out;
+  }
+
+  void DifferentiateOutputs(Eigen::Index k, Eigen::Ref<VectorX> column) {
+    std::vector<RigidTransform> X[2];
+    for (int side = 0; side < 2; ++side) {
+      VectorX dx = VectorX::Zero(change_.size());
+      dx(k) = side == 0 ? change_(k) : -change_(k);
+      MoveTo(dx, start_.controls);
+      for (const int body : options_.outputs) X[side].push_back(simulation_.Pose(body));
+    }
+    for (std::size_t i = 0; i < X[0].size(); ++i)
+      column.segment<6>(static_cast<Eigen::Index>(6 * i)) = PoseDeviation(X[0][i], X[1][i]);
+    column /= 2 * change_(k);
+  }
+
+  Simulation& simulation_;
+  const LinearizeOptions& options_;
+  const Simulation::Snapshot start_;
+  LinearizedStep out_;
+  StepReport at_rest_;  // of the step that is not moved
+  VectorX change_;      // 2n
+};
+
+}  // namespace
+
+VectorX LinearizedStep::Deviation(const Simulation& simulation) const {
+  const auto n = static_cast<Eigen::Index>(coordinates.size());
+  VectorX dx(2 * n);
+  Eigen::Index at = 0;
+  const auto base = [&](const Reference& from, const RigidTransform& X, const Vector6& V) {
+    dx.segment<6>(at) = PoseDeviation(X, from.X);
+    dx.segment<6>(n + at) = V - from.V;
+    at += 6;
+  };
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const Reference& from = mechanisms[i];
+    const MechanismDynamics& m = simulation.world().mechanisms()[i];
+    const auto joints = from.q.size();
+    dx.segment(at, joints) = Entries(m.configuration().q, from.joints) - from.q;
+    dx.segment(n + at, joints) = Entries(m.configuration().Q_now * m.state().w, from.joints) - from.q_dot;
+    at += joints;
+    if (from.has_base) base(from, m.state().X_WR, BaseTwist(m));
+  }
+  for (std::size_t i = 0; i < free_bodies.size(); ++i) {
+    const FreeBody& body = simulation.world().free_bodies()[i];
+    base(free_bodies[i], body.pose(), body.OriginVelocity());
+  }
+  return dx;
+}
+
+Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options) {
+  const auto refuse = [](const std::string& what) { return Fail(ErrorCode::kUsage, "linearization", what); };
+  if (!(options.change > 0 && options.change <= kLargestChange))
+    return refuse(fmt::format("change = {}; give a number above 0 and up to 0.01", options.change));
+  for (const int body : options.outputs)
+    if (body < 0 || body >= static_cast<int>(simulation.bodies().size()))
+      return refuse(
+          fmt::format("there is no body {}; bodies are 0 to {}", body, simulation.bodies().size() - 1));
+  if (!simulation.holds().empty())
+    return refuse("bodies are held by frozen contacts; let them go by another level of detail");
+
+  const Simulation::Snapshot start = simulation.Save();
+  const StepOptions given = simulation.step_options();
+  simulation.step_options().refresh = false;
+  simulation.step_options().newton_tolerance = kTolerance;
+  auto out = Linearizer(simulation, options).Linearize();
+  simulation.step_options() = given;
+  const auto done = simulation.Restore(start);
+  FORK1S_REQUIRE(done.has_value(), "what was saved here fits");
+  return out;
+}
+
+}  // namespace fork1s
