@@ -60,6 +60,12 @@ class JsonWriter {
     (*node_)[key] = Encode(value);
   }
 
+  /// A field that files of older versions which are still read do not have.
+  template <class T>
+  void Optional(const char* key, const T& value) {
+    (*this)(key, value);
+  }
+
   template <class T>
   Json Encode(const T& value) {
     if constexpr (std::is_enum_v<T>) {
@@ -145,6 +151,12 @@ class JsonReader {
   void operator()(const char* key, T& value) {
     const JsonPath path{path_, key};
     Decode(Member(*node_, key, path), value, path);
+  }
+
+  /// Without such a field the value stays as it is.
+  template <class T>
+  void Optional(const char* key, T& value) {
+    if (node_->contains(key)) (*this)(key, value);
   }
 
   template <class T>
