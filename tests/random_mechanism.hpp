@@ -88,6 +88,7 @@ struct RandomMechanismOptions {
   int rigid_closures = 0;     ///< hinge-like, connect, weld, ... closed at the reference; see note below
   int springy_closures = 0;   ///< random springy directions, unloaded at the reference
   int couplings = 0;          ///< polynomials through the origin, so closed at the reference
+  int coupling_terms = 0;     ///< further joints of each coupling
   int springs = 0;            ///< tendons over two to four freedoms
   bool bent_springs = false;  ///< with higher terms
   double slack = 0;           ///< springs are slack over up to this
@@ -230,6 +231,12 @@ inline void AddConnections(RandomSource& random, const RandomMechanismOptions& o
     driven.push_back(b);
     c.polynomial[1] = random.Uniform(-1, 1);
     for (int k = 2; k < 5; ++k) c.polynomial[k] = random.Uniform(-0.3, 0.3);
+    for (int k = 0; k < options.coupling_terms; ++k) {
+      const FreedomRef term = RandomFreedom(random, def);
+      if (std::count(driven.begin(), driven.end(), FlatIndex(term))) continue;
+      driven.push_back(FlatIndex(term));
+      c.terms.emplace_back(term, random.Uniform(-1, 1));
+    }
     def.couplings.push_back(c);
     --spare;
   }

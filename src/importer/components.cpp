@@ -130,7 +130,7 @@ void FindComponents(Conversion& c) {
   for (int e = 0; e < m.neq; ++e) {
     if (!c.EqualityWorks(e)) continue;
     if (const auto joints_of = JointEqualityOf(c, e)) {
-      if (joints_of->b >= 0) tie(m.dof_bodyid[joints_of->a], m.dof_bodyid[joints_of->b]);
+      for (const int dof : joints_of->Dofs()) tie(m.dof_bodyid[joints_of->a], m.dof_bodyid[dof]);
     } else {
       tie(PlaceOfEquality(m, e, 0).body, PlaceOfEquality(m, e, 1).body);
     }

@@ -79,9 +79,15 @@ EqualityPlace PlaceOfEquality(const mjModel& m, int e, int which) {
           RigidTransform(Quat(m.site_quat + 4 * object), Vec3(m.site_pos + 3 * object))};
 }
 
+bool Conversion::IsActive(int e) const {
+  return m.eq_active0[e] && !(m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT));
+}
+
 bool Conversion::EqualityWorks(int e) const {
-  if (!m.eq_active0[e] || (m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT))) return false;
-  return m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD || JointEqualityOf(*this, e);
+  if (!IsActive(e)) return false;
+  if (m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD) return true;
+  const auto joints = JointEqualityOf(*this, e);
+  return joints && joints->a >= 0;
 }
 
 Error Conversion::ModelError(const std::string& where, const std::string& message) const {

@@ -103,7 +103,8 @@ struct Conversion {
   std::string DofName(int dof) const;  // joint name, with its axis if it has several
   double Reference(int dof) const;     // qpos0 of a hinge or slide, 0 otherwise
   const char* StiffnessUnit(int dof) const;
-  bool EqualityWorks(int equality) const;  // switched on and understood
+  bool IsActive(int equality) const;       // switched on in the file
+  bool EqualityWorks(int equality) const;  // active, understood, and joins something
   /// What a length is in a definition: `terms` of freedoms, or a path, which is made where it is asked for
   /// the first time.
   template <class Def>
@@ -134,14 +135,22 @@ struct Anchor {
 };
 Anchor AnchorIn(const Conversion& c, int mechanism, int body);
 
-/// An equality of two joints, or of fixed tendons over two: the displacement of one is a polynomial of that
-/// of the other, as MuJoCo's degrees of freedom; b = -1: of none.
+/// An equality of joints or of fixed tendons as the row of a CouplingDef, of displacements by MuJoCo's degrees of
+/// freedom: x_a = polynomial(x_b) + Σ coefficient x of `terms`; b = -1: none. Where no joint has a part in it a = -1
+/// as well, and it says 0 = polynomial[0].
 struct JointEquality {
   int a = -1, b = -1;
   double polynomial[5] = {};
+  std::vector<std::pair<int, double>> terms;
+
+  bool is_linear() const { return polynomial[2] == 0 && polynomial[3] == 0 && polynomial[4] == 0; }
+  /// a, b and those of the terms; empty where no joint has a part in it.
+  std::vector<int> Dofs() const;
 };
-/// Nothing for other kinds (closures.cpp).
+/// Nothing for other kinds, nor where two of its joints are in a polynomial of second or higher order (closures.cpp).
 std::optional<JointEquality> JointEqualityOf(const Conversion& c, int equality);
+/// What is wrong with equalities of joints and tendons: none of their joints has a part, or they contradict each other.
+std::optional<Error> CheckJointEqualities(const Conversion& c);
 
 /// Where an equality holds on one of its two bodies (`which` 0 or 1): a body's origin, or a site on a body.
 struct EqualityPlace {

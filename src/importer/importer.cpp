@@ -133,6 +133,7 @@ namespace internal {
 std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const std::vector<Mimic>& mimics) {
   SetUp(c);
   if (auto error = Validate(c)) return error;
+  if (auto error = CheckJointEqualities(c)) return error;
   FindComponents(c);
   if (c.components.empty()) {
     return c.ModelError("", "nothing in the file can move: it has no joint that this program simulates");

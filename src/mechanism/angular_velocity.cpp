@@ -36,7 +36,10 @@ bool IsPeriodic(const Mechanism& mechanism, const Mechanism::Joint& joint) {
          !any_acts(mechanism.springs()) && !any_acts(mechanism.controls()) &&
          !any_acts(mechanism.length_limits()) && !any_acts(mechanism.force_limits()) &&
          std::none_of(mechanism.couplings().begin(), mechanism.couplings().end(),
-                      [&](const Mechanism::Coupling& c) { return is_of_joint(c.a) || is_of_joint(c.b); });
+                      [&](const Mechanism::Coupling& c) {
+                        const std::vector<int> all = c.Coordinates();
+                        return std::any_of(all.begin(), all.end(), is_of_joint);
+                      });
 }
 
 // The rows of W⁻¹ R_Pᵀ are the columns of R_P W⁻ᵀ, sums of columns of R_P.

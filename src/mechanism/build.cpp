@@ -3,6 +3,7 @@
 #include <fork1s/mechanism/mechanism.hpp>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <unordered_set>
 
 #include <fmt/format.h>
@@ -185,14 +186,22 @@ Expected<void> CheckConnections(const MechanismDef& def) {
   }
   for (const CouplingDef& c : def.couplings) {
     const std::string where = Named("coupling", c.name);
-    if (auto ok = CheckRef(def, c.a, where); !ok) return ok;
-    if (c.b.joint.valid()) {
-      if (auto ok = CheckRef(def, c.b, where); !ok) return ok;
-      if (c.a.joint == c.b.joint && c.a.freedom == c.b.freedom)
-        return Refuse(where, "couples a joint to itself");
+    std::vector<FreedomRef> all = {c.a};
+    if (c.b.joint.valid()) all.push_back(c.b);
+    bool finite = std::all_of(std::begin(c.polynomial), std::end(c.polynomial),
+                              [](double p) { return std::isfinite(p); });
+    for (const auto& [ref, coefficient] : c.terms) {
+      all.push_back(ref);
+      finite = finite && std::isfinite(coefficient);
     }
-    for (double p : c.polynomial)
-      if (!std::isfinite(p)) return Refuse(where, "has a coefficient that is not finite");
+    if (!finite) return Refuse(where, "has a coefficient that is not finite");
+    std::set<std::pair<int, int>> before;
+    for (const FreedomRef& ref : all) {
+      if (auto ok = CheckRef(def, ref, where); !ok) return ok;
+      if (!before.emplace(ref.joint.value(), ref.freedom).second)
+        return Refuse(where, fmt::format("couples joint '{}' to itself; name each joint once",
+                                         def.joints[ref.joint.u()].name));
+    }
   }
   for (const PathDef& p : def.paths)
     if (auto ok = internal::CheckPath(def, p); !ok) return ok;
@@ -244,7 +253,10 @@ void SortJoints(MechanismDef& def) {
   auto move = [&](FreedomRef& ref) {
     if (ref.joint.valid()) ref.joint = JointIndex(position[ref.joint.u()]);
   };
-  for (auto& c : def.couplings) move(c.a), move(c.b);
+  for (auto& c : def.couplings) {
+    move(c.a), move(c.b);
+    for (auto& t : c.terms) move(t.first);
+  }
   for (auto& s : def.springs)
     for (auto& t : s.terms) move(t.first);
   for (auto& c : def.controls)
@@ -516,7 +528,8 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
     coupling.a = coordinate(c.a);
     coupling.b = c.b.joint.valid() ? coordinate(c.b) : -1;
     std::copy(std::begin(c.polynomial), std::end(c.polynomial), coupling.polynomial);
-    m.couplings_.push_back(coupling);
+    for (const auto& [ref, coefficient] : c.terms) coupling.terms.emplace_back(coordinate(ref), coefficient);
+    m.couplings_.push_back(std::move(coupling));
   }
   for (const ClosureDef& c : def.closures) {
     m.num_constraints_ += static_cast<int>(c.rigid.count());

@@ -33,7 +33,7 @@ void ClosureResidual(const Mechanism& mechanism, const Kinematics& kinematics, c
     for (int i = 0; i < 6; ++i)
       if (closure.rigid(i)) c(row++) = e(i);
   }
-  for (const Mechanism::Coupling& k : mechanism.couplings()) c(row++) = q(k.a) - k.Value(q);
+  for (const Mechanism::Coupling& k : mechanism.couplings()) c(row++) = k.Residual(q);
 }
 
 void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q, MatrixX& A) {
@@ -49,8 +49,7 @@ void ClosureJacobian(const Mechanism& mechanism, const Kinematics& kinematics, c
     row += static_cast<int>(closure.rigid.count());
   }
   for (const Mechanism::Coupling& k : mechanism.couplings()) {
-    A(row, k.a) = 1;
-    if (k.b >= 0) A(row, k.b) -= k.Slope(q);
+    k.ForEachSlope(q, [&](int i, double slope) { A(row, i) = slope; });
     ++row;
   }
 }
@@ -108,7 +107,7 @@ double ClosureGap(const Mechanism& mechanism, const Kinematics& kinematics, cons
     gap = std::max({gap, L * turn.norm(), shift.norm()});
   }
   for (const Mechanism::Coupling& k : mechanism.couplings()) {
-    const double off = std::abs(q(k.a) - k.Value(q));
+    const double off = std::abs(k.Residual(q));
     // A slide's mismatch is a length already.
     const bool turns = mechanism.Turns(k.a);
     gap = std::max(gap, turns ? L * off : off);

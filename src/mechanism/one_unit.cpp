@@ -84,8 +84,7 @@ MatrixX ClosureRowsInOneUnit(const Mechanism& mechanism, const Kinematics& kinem
       if (closure.rigid(k)) scale(row++) = k < 3 ? 1.0 : length;
   }
   for (const Mechanism::Coupling& k : mechanism.couplings()) {
-    A(row, k.a) = unit.coordinate(k.a);
-    if (k.b >= 0) A(row, k.b) -= k.Slope(q) * unit.coordinate(k.b);
+    k.ForEachSlope(q, [&](int i, double slope) { A(row, i) = slope * unit.coordinate(i); });
     scale(row) = 1 / A.row(row).cwiseAbs().maxCoeff();
     A.row(row) *= scale(row);
     ++row;

@@ -8,8 +8,9 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 18;
-// Differs in the step alone: `theta` and stepping by twists were other integrators, `euler` had other rules.
+inline constexpr int kFormatVersion = 19;
+// The oldest that is read, and all to kFormatVersion are: couplings have terms since 19. This one differs in the step
+// as well: `theta` and stepping by twists were other integrators, `euler` had other rules.
 inline constexpr int kVersionOfOtherSteps = 17;
 inline constexpr const char* kFormatName = "fork1s recording";
 

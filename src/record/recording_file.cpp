@@ -42,8 +42,8 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
     return Fail(ErrorCode::kFormat, path, "is an HDF5 file, but no recording of fork1s");
   const auto version = ReadNumberAttribute(file, "format_version");
   h.program = ReadTextAttribute(file, "program");
-  h.has_steps_of_this_version = version == kFormatVersion;
-  if (version != kFormatVersion && version != kVersionOfOtherSteps)
+  h.has_steps_of_this_version = version > kVersionOfOtherSteps;
+  if (version < kVersionOfOtherSteps || version > kFormatVersion)
     return Fail(ErrorCode::kFormat, path,
                 "has format version " + std::to_string(version) + ", written by " + h.program +
                     "; this program reads version " + std::to_string(kFormatVersion) +

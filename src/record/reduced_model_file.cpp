@@ -14,7 +14,7 @@ namespace {
 using namespace internal;
 
 constexpr const char* kModelFormat = "fork1s reduced model";
-constexpr int kModelVersion = 2;
+constexpr int kModelVersion = 3;
 
 std::vector<int> Numbers(const std::vector<BodyIndex>& bodies) {
   std::vector<int> numbers;

@@ -146,8 +146,9 @@ void Fields(A& a, Like<FreedomRef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<CouplingDef, A>& s) {
-  auto& [name, first, second, polynomial] = s;
+  auto& [name, first, second, polynomial, terms] = s;
   a("name", name), a("a", first), a("b", second), a("polynomial", polynomial);
+  a.Optional("terms", terms);
 }
 
 template <class A>

@@ -17,11 +17,6 @@ MatrixX SymmetricPart(MatrixX stack) {
   return stack;
 }
 
-double SecondDerivativeOf(const Mechanism::Coupling& coupling, double x) {
-  const double* p = coupling.polynomial;
-  return 2 * p[2] + x * (6 * p[3] + x * 12 * p[4]);
-}
-
 // ∂D/∂φ_c at φ, D = DexpInverseRotation: by central differences.
 std::array<Matrix3, 3> SlopesOfInverse(const Vector3& phi) {
   constexpr double kStep = 1e-5;
@@ -135,8 +130,7 @@ MatrixX ClosureCurvature(const ReducedModel& model, const Kinematics& kinematics
   for (const Mechanism::Coupling& k : m.couplings()) {
     out.row(row).setZero();
     if (k.b >= 0) {
-      const MatrixX square =
-          -SecondDerivativeOf(k, q(k.b)) * expansion.Q.row(k.b).transpose() * expansion.Q.row(k.b);
+      const MatrixX square = k.SecondDerivative(q) * expansion.Q.row(k.b).transpose() * expansion.Q.row(k.b);
       out.row(row) = Eigen::Map<const VectorX>(square.data(), r * r).transpose();
     }
     ++row;

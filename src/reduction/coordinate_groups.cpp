@@ -28,8 +28,7 @@ std::vector<std::vector<int>> GroupsOf(const Mechanism& mechanism, bool by_joint
       join(mechanism.joint(JointIndex(joint.previous)).offset, joint.offset);
   }
   for (const ClosureDef& closure : mechanism.closures()) join_all(ClosureCoordinates(mechanism, closure));
-  for (const Mechanism::Coupling& k : mechanism.couplings())
-    if (k.b >= 0) join(k.a, k.b);
+  for (const Mechanism::Coupling& k : mechanism.couplings()) join_all(k.Coordinates());
   for (const Mechanism::Spring& s : mechanism.springs()) join_all(mechanism.CoordinatesOf(s.length));
 
   std::vector<std::vector<int>> groups;
@@ -57,7 +56,7 @@ std::vector<char> FindPoseDependent(const Mechanism& m) {
     for (const int i : coordinates) depends[static_cast<std::size_t>(i)] = 1;
   };
   for (const ClosureDef& c : m.closures()) add(ClosureCoordinates(m, c));
-  for (const Mechanism::Coupling& c : m.couplings()) add(c.b >= 0 ? std::vector{c.a, c.b} : std::vector{c.a});
+  for (const Mechanism::Coupling& c : m.couplings()) add(c.Coordinates());
   for (const Mechanism::Path& p : m.paths()) add(p.coordinates);
   for (const Mechanism::Spring& s : m.springs())
     if (!s.is_linear()) add(m.CoordinatesOf(s.length));

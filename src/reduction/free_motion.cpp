@@ -24,12 +24,13 @@ bool Moves(const VectorX& x, int coordinate) { return std::abs(x(coordinate)) > 
 // What acts on joints that move in x and on no others that would resist it.
 std::vector<std::string> TiesOf(const Mechanism& m, const VectorX& x) {
   std::vector<std::string> ties;
+  const auto any_moves = [&](const std::vector<int>& on) {
+    return std::any_of(on.begin(), on.end(), [&](int i) { return Moves(x, i); });
+  };
   for (const Mechanism::Spring& s : m.springs())
-    if (const std::vector<int> on = m.CoordinatesOf(s.length);
-        std::any_of(on.begin(), on.end(), [&](int i) { return Moves(x, i); }))
-      ties.push_back(fmt::format("tendon '{}'", s.name));
+    if (any_moves(m.CoordinatesOf(s.length))) ties.push_back(fmt::format("tendon '{}'", s.name));
   for (const Mechanism::Coupling& c : m.couplings())
-    if (Moves(x, c.a) || (c.b >= 0 && Moves(x, c.b))) ties.push_back(fmt::format("coupling '{}'", c.name));
+    if (any_moves(c.Coordinates())) ties.push_back(fmt::format("coupling '{}'", c.name));
   for (const ClosureDef& c : m.closures()) {
     bool on_path = false;
     for (const BodyIndex body : {c.body_a, c.body_b})

@@ -142,8 +142,7 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
     Draft draft;
     draft.block.source = static_cast<int>(closures.size() + c);
     draft.rows = {row};
-    draft.coordinates = {couplings[c].a};
-    if (couplings[c].b >= 0) draft.coordinates.push_back(couplings[c].b);
+    draft.coordinates = couplings[c].Coordinates();
     keep(std::move(draft));
   }
   std::map<int, std::size_t> first;  // block that hears a coordinate
@@ -213,8 +212,10 @@ void LoopRows::Fill(const Mechanism& mechanism, const Kinematics& kinematics, co
                   block.rows, block.stride, out);
     } else {
       const auto& k = mechanism.couplings()[static_cast<std::size_t>(block.source) - closures.size()];
-      QuadAt(out) = Quad(1, 0, 0, 0);
-      if (k.b >= 0) QuadAt(out + block.stride) = Quad(-k.Slope(q), 0, 0, 0);
+      k.ForEachSlope(q, [&](int, double slope) {
+        QuadAt(out) = Quad(slope, 0, 0, 0);
+        out += block.stride;
+      });
     }
   }
   values.tail<4>().setZero();

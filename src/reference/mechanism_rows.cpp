@@ -135,6 +135,7 @@ double FullMechanism::CouplingError(const Mechanism::Coupling& k, const VectorX&
   const double x = k.b >= 0 ? q(k.b) : 0;
   double value = 0;
   for (int i = 4; i >= 0; --i) value = value * x + k.polynomial[i];
+  for (const auto& [i, coefficient] : k.terms) value += coefficient * q(i);
   return q(k.a) - value;
 }
 
@@ -178,6 +179,7 @@ void FullMechanism::AddConstraints(const std::vector<RigidTransform>& X, const V
     };
     add(k.a, 1);
     if (k.b >= 0) add(k.b, -CouplingSlope(k, q));
+    for (const auto& [i, coefficient] : k.terms) add(i, -coefficient);
     solver.Shift(row++, epsilon);
   }
 }

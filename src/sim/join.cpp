@@ -140,6 +140,7 @@ void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef
   for (CouplingDef coupling : from.couplings) {
     coupling.a = shift(coupling.a);
     coupling.b = shift(coupling.b);
+    for (auto& term : coupling.terms) term.first = shift(term.first);
     to.couplings.push_back(std::move(coupling));
   }
   for (PathDef path : from.paths) {

@@ -209,6 +209,9 @@ class MechanismSource {
         if (in_.Below(5)) c.b = Freedom();
         c.polynomial[0] = in_.Below(8) ? 0 : Real();
         for (int k = 1; k < 5; ++k) c.polynomial[k] = in_.Flag() ? Real() : 0;
+        if (in_.Below(4) == 0)
+          for (int k = 1 + static_cast<int>(in_.Below(3)); k > 0; --k)
+            c.terms.emplace_back(Freedom(), Real());
         def_.couplings.push_back(c);
         break;
       }

@@ -84,6 +84,51 @@ TEST(ImportClosures, JointEqualityIsACoupling) {
   EXPECT_FALSE(loaded.scene.mechanisms[1].couplings[0].b.joint.valid());
 }
 
+// One equality of MuJoCo: residual, and derivative by the displacements of hinges and slides in the order of `mechanism`.
+std::pair<double, VectorX> EqualityOfPeer(Peer& peer, const Mechanism& mechanism, const VectorX& q,
+                                          const std::string& name) {
+  for (const auto& joint : mechanism.joints()) {
+    const int dof = peer.Dof(joint.name);
+    peer.d->qpos[dof] = peer.m->qpos0[dof] + q[joint.offset];
+  }
+  mj_forward(peer.m.get(), peer.d.get());
+  const int id = mj_name2id(peer.m.get(), mjOBJ_EQUALITY, name.c_str());
+  int row = -1;
+  for (int i = 0; i < peer.d->nefc; ++i)
+    if (peer.d->efc_type[i] == mjCNSTR_EQUALITY && peer.d->efc_id[i] == id) row = i;
+  if (row < 0) throw std::runtime_error("MuJoCo has no row of equality " + name);
+  VectorX slope(mechanism.num_coordinates());
+  for (const auto& joint : mechanism.joints()) {
+    VectorX unit = VectorX::Zero(peer.m->nv), out(peer.d->nefc);
+    unit[peer.Dof(joint.name)] = 1;
+    mj_mulJacVec(peer.m.get(), peer.d.get(), out.data(), unit.data());
+    slope[joint.offset] = out[row];
+  }
+  return {peer.d->efc_pos[row], slope};
+}
+
+// Rows of our couplings are MuJoCo's, but for a factor.
+void ExpectEqualitiesOfPeer(const std::string& text, const Mechanism& mechanism, const VectorX& q) {
+  Peer peer(text);
+  Kinematics kinematics(mechanism);
+  VectorX c;
+  MatrixX A;
+  ComputeKinematics(mechanism, q, kinematics);
+  ClosureResidual(mechanism, kinematics, q, c);
+  ClosureJacobian(mechanism, kinematics, q, A);
+  int row = 0;
+  for (const Mechanism::Coupling& coupling : mechanism.couplings()) {
+    const auto [residual, slope] = EqualityOfPeer(peer, mechanism, q, coupling.name);
+    Eigen::Index largest = 0;
+    slope.cwiseAbs().maxCoeff(&largest);
+    ASSERT_NE(A(row, largest), 0) << coupling.name;
+    const double factor = slope[largest] / A(row, largest);
+    EXPECT_NEAR(factor * c[row], residual, 1e-12) << coupling.name;
+    EXPECT_LT((factor * A.row(row).transpose() - slope).cwiseAbs().maxCoeff(), 1e-12) << coupling.name;
+    ++row;
+  }
+}
+
 // Equalities of fixed tendons: over two joints, of two tendons of a joint each, and of one alone.
 TEST(ImportClosures, TendonEquality_OverTwoJoints_IsACoupling) {
   const std::string text = R"(<mujoco><compiler angle="radian"/><worldbody>
@@ -101,9 +146,8 @@ TEST(ImportClosures, TendonEquality_OverTwoJoints_IsACoupling) {
       <tendon name="e3" tendon1="td" polycoef=".2 0 0 0 0"/><tendon name="e4" tendon1="three"/></equality></mujoco>)";
   const ImportedScene loaded = MustLoad(text);
   ASSERT_EQ(loaded.scene.mechanisms.size(), 2u);  // d is alone
-  ASSERT_EQ(loaded.scene.mechanisms[0].couplings.size(), 2u);
+  ASSERT_EQ(loaded.scene.mechanisms[0].couplings.size(), 3u);
   EXPECT_NEAR(loaded.scene.mechanisms[1].couplings[0].polynomial[0], .05, 1e-15);
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "'e4'"));
   const Mechanism mechanism = MustBuild(loaded.scene.mechanisms[0]);
   Kinematics kinematics(mechanism);
   VectorX q(3), c;
@@ -115,6 +159,87 @@ TEST(ImportClosures, TendonEquality_OverTwoJoints_IsACoupling) {
   mj_forward(peer.m.get(), peer.d.get());
   EXPECT_NEAR(std::abs(c[0]), std::abs(peer.d->efc_pos[0]) / 2, 1e-12);
   EXPECT_NEAR(std::abs(c[1]), std::abs(peer.d->efc_pos[1]) / 2, 1e-12);
+  ExpectEqualitiesOfPeer(text, mechanism, q);
+}
+
+// Two rotors drive pitch and roll: q_pitch = (m1 + m2)/2, q_roll = 0.7 m1 - 0.4 m2. Four trees of the file are one
+// mechanism.
+TEST(ImportClosures, TendonEquality_OverThreeJointsOfSeveralTrees_IsACoupling) {
+  const std::string text = R"(<mujoco><compiler angle="radian"/><worldbody>
+    <body name="a"><joint name="m1" ref=".2"/><geom size=".1"/></body>
+    <body name="b"><joint name="m2" ref="-.1"/><geom size=".1"/></body>
+    <body name="p"><joint name="pitch" axis="0 1 0"/><geom size=".1"/>
+      <body name="r"><joint name="roll" axis="1 0 0"/><geom size=".1"/></body></body>
+    <body name="s"><joint name="slide" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+    <tendon><fixed name="tp"><joint joint="m1" coef=".5"/><joint joint="m2" coef=".5"/><joint joint="pitch" coef="-1"/></fixed>
+      <fixed name="tr"><joint joint="m1" coef=".7"/><joint joint="m2" coef="-.4"/><joint joint="roll" coef="-1"/></fixed>
+      <fixed name="sum"><joint joint="pitch" coef=".3"/><joint joint="roll" coef=".6"/><joint joint="slide" coef="2"/></fixed>
+      <fixed name="tm"><joint joint="m1" coef="2"/></fixed></tendon>
+    <equality><tendon name="e1" tendon1="tp" polycoef=".01 0 0 0 0"/><tendon name="e2" tendon1="tr" tendon2="tm" polycoef="0 .1 0 0 0"/>
+      <tendon name="e3" tendon1="sum" tendon2="tm" polycoef=".1 .7 .2 -.05 .01"/></equality></mujoco>)";
+  const ImportedScene loaded = MustLoad(text);
+  ASSERT_EQ(loaded.scene.mechanisms.size(), 1u);
+  ASSERT_EQ(loaded.scene.mechanisms[0].couplings.size(), 3u);
+  const Mechanism mechanism = MustBuild(loaded.scene.mechanisms[0]);
+  ASSERT_EQ(mechanism.num_coordinates(), 5);
+  VectorX q(5);
+  q << .7, .25, -.4, .3, .6;
+  ExpectEqualitiesOfPeer(text, mechanism, q);
+}
+
+// Joints a, b and c of one tree each, with tendons of these coefficients.
+std::string ThreeJoints(const std::string& equalities) {
+  return R"(<mujoco><compiler angle="radian"/><worldbody>
+    <body name="a"><joint name="ja"/><geom size=".1"/></body><body name="b"><joint name="jb"/><geom size=".1"/></body>
+    <body name="c"><joint name="jc"/><geom size=".1"/></body></worldbody>
+    <tendon><fixed name="ab"><joint joint="ja" coef=".1"/><joint joint="jb" coef=".2"/></fixed>
+      <fixed name="bc"><joint joint="jb" coef="1"/><joint joint="jc" coef="-.5"/></fixed>
+      <fixed name="abc"><joint joint="ja" coef=".2"/><joint joint="jb" coef="1.4"/><joint joint="jc" coef="-.5"/></fixed>
+      <fixed name="zero"><joint joint="ja" coef="0"/><joint joint="jb" coef="0"/></fixed>
+      <fixed name="b3"><joint joint="jb" coef="3"/></fixed><fixed name="b1"><joint joint="jb" coef="1"/></fixed>
+      <fixed name="ab10"><joint joint="ja" coef="1"/><joint joint="jb" coef="2"/></fixed></tendon><equality>)" +
+         equalities + "</equality></mujoco>";
+}
+
+TEST(ImportClosures, TendonEquality_WithNoJointLeft_IsDroppedOrRefused) {
+  for (const std::string tendons : {"tendon1='zero'", "tendon1='ab' tendon2='ab10'"}) {
+    const ImportedScene loaded =
+        MustLoad(ThreeJoints("<tendon name='e' " + tendons + " polycoef='0 .1 0 0 0'/>"));
+    EXPECT_EQ(loaded.scene.mechanisms.size(), 3u);
+    EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped,
+                        "equality constraint 'e': no joint has a part in it"));
+    const Error error = MustFail(ThreeJoints("<tendon name='e' " + tendons + " polycoef='.3 .1 0 0 0'/>"));
+    EXPECT_EQ(error.code, ErrorCode::kModel);
+    EXPECT_CONTAINS(error.Text(), "test.xml, equality 'e': asks for a length of 0.3 that no joint changes");
+  }
+}
+
+TEST(ImportClosures, TendonEquality_ThatFollowsFromOthers_IsNotedOrRefused) {
+  const std::string two =
+      "<tendon name='e1' tendon1='ab' polycoef='.1 0 0 0 0'/><tendon name='e2' tendon1='bc'/>";
+  const ImportedScene loaded =
+      MustLoad(ThreeJoints(two + "<tendon name='e3' tendon1='abc' polycoef='.2 0 0 0 0'/>"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged,
+                      "equality constraint 'e3': it follows from 'e1' and 'e2' and adds nothing"));
+  const Error error = MustFail(ThreeJoints(two + "<tendon name='e3' tendon1='abc' polycoef='.3 0 0 0 0'/>"));
+  EXPECT_EQ(error.code, ErrorCode::kModel);
+  EXPECT_CONTAINS(error.Text(), "test.xml, equality 'e3': contradicts 'e1' and 'e2'");
+}
+
+TEST(ImportClosures, TendonEquality_OfHigherOrder_NeedsOneJointInItsSecondTendon) {
+  const std::string square = " polycoef='0 1 .5 0 0'/>";
+  for (const std::string tendons : {"tendon1='b3' tendon2='ab'", "tendon1='b3' tendon2='b1'"}) {
+    const ImportedScene loaded = MustLoad(ThreeJoints("<tendon name='e' " + tendons + square));
+    EXPECT_TRUE(loaded.scene.mechanisms[0].couplings.empty());
+    EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "second or higher order"));
+  }
+  for (const std::string equality : {"tendon1='ab' tendon2='bc' polycoef='.1 .7 0 0 0'/>",
+                                     "tendon1='abc' tendon2='b3' polycoef='.1 .7 .2 0 .1'/>"}) {
+    const std::string text = ThreeJoints("<tendon name='e' " + equality);
+    const Mechanism mechanism = MustBuild(MustLoad(text).scene.mechanisms[0]);
+    ASSERT_EQ(mechanism.num_coordinates(), 3);
+    ExpectEqualitiesOfPeer(text, mechanism, Vector3(.3, -.2, .5));
+  }
 }
 
 TEST(ImportClosures, FloatingTreePinnedToTheWorld) {

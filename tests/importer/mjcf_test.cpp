@@ -111,9 +111,13 @@ void ExpectSameMechanism(const MechanismDef& a, const MechanismDef& b) {
     EXPECT_EQ(a.closures[i].rigid, b.closures[i].rigid);
   }
   ASSERT_EQ(a.couplings.size(), b.couplings.size());
-  for (std::size_t i = 0; i < a.couplings.size(); ++i)
+  for (std::size_t i = 0; i < a.couplings.size(); ++i) {
     for (int k = 0; k < 5; ++k)
       EXPECT_NEAR(a.couplings[i].polynomial[k], b.couplings[i].polynomial[k], 1e-15);
+    ASSERT_EQ(a.couplings[i].terms.size(), b.couplings[i].terms.size());
+    for (std::size_t k = 0; k < a.couplings[i].terms.size(); ++k)
+      EXPECT_NEAR(a.couplings[i].terms[k].second, b.couplings[i].terms[k].second, 1e-15);
+  }
   ASSERT_EQ(a.controls.size(), b.controls.size());
   for (std::size_t i = 0; i < a.controls.size(); ++i) {
     EXPECT_EQ(a.controls[i].name, b.controls[i].name);

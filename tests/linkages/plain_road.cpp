@@ -178,6 +178,7 @@ Rows CollectRows(const Mechanism& mechanism, const MatrixL& closures, const Vect
     VectorL form = VectorL::Zero(n);
     form(c.a) = unit(c.a);
     if (c.b >= 0) form(c.b) -= static_cast<Real>(c.polynomial[1]) * unit(c.b);
+    for (const auto& [i, coefficient] : c.terms) form(i) -= static_cast<Real>(coefficient) * unit(i);
     rigid.push_back(form / form.norm());
   }
   Rows rows;

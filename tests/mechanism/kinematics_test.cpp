@@ -125,6 +125,8 @@ TEST(Poses, FreedomReferencesFollowSortedJoints) {
     for (std::size_t i = 0; i < def.couplings.size(); ++i) {
       check(def.couplings[i].a, m.couplings()[i].a);
       check(def.couplings[i].b, m.couplings()[i].b);
+      for (std::size_t t = 0; t < def.couplings[i].terms.size(); ++t)
+        check(def.couplings[i].terms[t].first, m.couplings()[i].terms[t].first);
     }
     for (std::size_t i = 0; i < def.springs.size(); ++i)
       for (std::size_t t = 0; t < def.springs[i].terms.size(); ++t)

@@ -53,6 +53,7 @@ inline RandomMechanismOptions Everything() {
   options.rigid_closures = 2;
   options.springy_closures = 2;
   options.couplings = 2;
+  options.coupling_terms = 2;
   options.springs = 3;
   options.bent_springs = true;
   options.controls = 3;

@@ -188,6 +188,27 @@ std::vector<Fault> ConnectionFaults() {
        "shoulder"},
       {"coupling by NaN", [](auto& d) { d.couplings[0].polynomial[3] = kNaN; }, "coupling 'gear'",
        "coefficient"},
+      {"coupling term by NaN",
+       [](auto& d) {
+         d.couplings[0].terms = {{FreedomRef{JointIndex(kElbow), 1}, kNaN}};
+       },
+       "coupling 'gear'", "coefficient"},
+      {"coupling term on nothing",
+       [](auto& d) {
+         d.couplings[0].terms = {{FreedomRef{}, 1.0}};
+       },
+       "coupling 'gear'", "does not exist"},
+      {"coupling term on its own joint",
+       [](auto& d) {
+         d.couplings[0].terms = {{FreedomRef{JointIndex(kRail), 0}, 1.0}};
+       },
+       "coupling 'gear'", "'rail' to itself"},
+      {"coupling terms of one joint",
+       [](auto& d) {
+         const FreedomRef twist{JointIndex(kElbow), 1};
+         d.couplings[0].terms = {{twist, 1.0}, {twist, 2.0}};
+       },
+       "coupling 'gear'", "'elbow' to itself"},
       {"spring on nothing", [](auto& d) { d.springs[0].terms[0].first.joint = {}; }, "spring 'tendon'",
        "does not exist"},
       {"spring on no freedom", [](auto& d) { d.springs[0].terms[1].first.freedom = -1; }, "spring 'tendon'",

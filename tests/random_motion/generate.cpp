@@ -65,6 +65,7 @@ void ScaleSize(MechanismDef& def, double s, double mass_scale) {
   for (CouplingDef& c : def.couplings) {
     const double a = Turns(At(def, c.a)) ? 1 : s, b = Turns(At(def, c.b)) ? 1 : s;
     for (int k = 0; k < 5; ++k) c.polynomial[k] *= a / std::pow(b, k);
+    for (auto& [freedom, coefficient] : c.terms) coefficient *= a / (Turns(At(def, freedom)) ? 1 : s);
   }
   for (SpringDef& spring : def.springs) {
     spring.slack *= s;

@@ -81,6 +81,7 @@ class BitList {
   void Add(const CouplingDef& c) {
     Add(c.name), Add(c.a), Add(c.b);
     for (double p : c.polynomial) Add(p);
+    Add(c.terms);
   }
   void Add(const PathElementDef& e) {
     Add(static_cast<int>(e.kind)), Add(e.body.value()), Add(e.X_BE), Add(e.radius), Add(e.divisor);
@@ -182,6 +183,24 @@ TEST(SceneJson, NamesTheMemberAtFault) {
             std::string::npos);
   broken("{", "[");
   broken("\"timestep\"", "timestep");
+}
+
+// Files of older versions have couplings of two joints alone.
+TEST(SceneJson, CouplingsWithoutTerms_HaveNone) {
+  CouplingDef coupling;
+  coupling.name = "gear";
+  coupling.polynomial[1] = 0.5;
+  MechanismDef mechanism;
+  mechanism.couplings = {coupling};
+  ModelText text = WriteMechanism(mechanism);
+  const std::string key = "\"terms\"";
+  ASSERT_NE(text.json.find(key), std::string::npos);
+  text.json.replace(text.json.find(key), key.size(), "\"unknown\"");
+  const auto read = ReadMechanism(text, "test");
+  ASSERT_TRUE(read) << read.error().Text();
+  ASSERT_EQ(read->couplings.size(), 1u);
+  EXPECT_EQ(read->couplings[0].polynomial[1], 0.5);
+  EXPECT_TRUE(read->couplings[0].terms.empty());
 }
 
 TEST(SceneJson, CutTextIsRefused) {

@@ -170,6 +170,7 @@ inline Scene SceneWithEverything(unsigned seed) {
   options.rigid_closures = 1;
   options.springy_closures = 1;
   options.couplings = 1;
+  options.coupling_terms = 2;
   options.springs = 1;
   options.controls = 2;
   options.rest = true;

@@ -161,6 +161,7 @@ std::vector<MechanismDef> LoopedMechanisms() {
   std::vector<MechanismDef> all = {testing::FourBar().Definition(), testing::CubicStewart(0.3, 1000)};
   testing::RandomMechanismOptions options;
   options.couplings = 1;
+  options.coupling_terms = 1;
   for (unsigned seed = 0; seed < 12; ++seed) {
     options.bodies = 6 + static_cast<int>(seed);
     options.rigid_closures = 1 + static_cast<int>(seed % 3);

@@ -24,6 +24,7 @@ std::vector<MechanismDef> Looped() {
   options.bodies = 8;
   options.rigid_closures = 2;
   options.couplings = 1;
+  options.coupling_terms = 1;
   for (unsigned seed = 0; seed < 12; ++seed) all.push_back(testing::RandomMechanismDef(seed, options));
   return all;
 }

@@ -22,6 +22,7 @@ testing::RandomMechanismOptions OfBasis(unsigned seed) {
   options.rigid_closures = 2;
   options.springy_closures = seed % 3 == 0 ? 1 : 0;
   options.couplings = 1;
+  options.coupling_terms = 1;
   options.springs = seed % 3;
   options.interfaces = 2;
   options.unsprung = seed % 4 == 3 ? 0.2 : 0;  // then bases are found the careful way, in part

@@ -21,6 +21,7 @@ RandomMechanismOptions Everything() {
   options.rigid_closures = 2;
   options.springy_closures = 1;
   options.couplings = 1;
+  options.coupling_terms = 1;
   options.springs = 2;
   options.controls = 2;
   return options;
@@ -112,7 +113,10 @@ MechanismDef Permuted(const MechanismDef& from, unsigned seed) {
     if (f.joint.valid()) f.joint = JointIndex(new_joint[f.joint.u()]);
   };
   for (ClosureDef& c : to.closures) c.body_a = body(c.body_a), c.body_b = body(c.body_b);
-  for (CouplingDef& c : to.couplings) freedom(c.a), freedom(c.b);
+  for (CouplingDef& c : to.couplings) {
+    freedom(c.a), freedom(c.b);
+    for (auto& term : c.terms) freedom(term.first);
+  }
   for (SpringDef& s : to.springs)
     for (auto& term : s.terms) freedom(term.first);
   for (ControlDef& c : to.controls)

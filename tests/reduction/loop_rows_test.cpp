@@ -100,6 +100,7 @@ TEST(LoopRows, AreThoseOfTheDenseJacobian) {
   options.bodies = 14;
   options.rigid_closures = 3;
   options.couplings = 2;
+  options.coupling_terms = 2;
   int rows = 0;
   for (unsigned seed = 0; seed < 40; ++seed) {
     const Mechanism m = testing::RandomMechanism(seed, options);

@@ -22,6 +22,7 @@ RandomMechanismOptions WithLoops() {
   options.rigid_closures = 2;
   options.springy_closures = 1;
   options.couplings = 1;
+  options.coupling_terms = 1;
   options.springs = 2;
   return options;
 }

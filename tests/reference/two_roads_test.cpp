@@ -17,6 +17,7 @@ testing::RandomMechanismOptions Everything(unsigned seed) {
   options.rigid_closures = seed % 3 ? 1 : 0;
   options.springy_closures = 1;
   options.couplings = 1;
+  options.coupling_terms = 1;
   options.springs = 2;
   options.bent_springs = seed % 2 == 1;
   options.controls = 2;

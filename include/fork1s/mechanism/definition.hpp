@@ -135,12 +135,14 @@ struct FreedomRef {
   int freedom = 0;
 };
 
-/// q_a = Σ polynomial[k] q_b^k. Without b: q_a = polynomial[0].
+/// q_a = Σ polynomial[k] q_b^k + Σ coefficient q of `terms`. Without b the polynomial is its constant. No freedom
+/// stands in it twice.
 struct CouplingDef {
   std::string name;
   FreedomRef a;
   FreedomRef b;  // b.joint may be invalid
   double polynomial[5] = {0, 1, 0, 0, 0};
+  std::vector<std::pair<FreedomRef, double>> terms = {};
 };
 
 /// What a tendon through space passes, in its order: a point of a body, a round obstacle that it lies on

@@ -117,14 +117,36 @@ class Mechanism {
     int a;       // coordinate
     int b = -1;  // coordinate or -1
     double polynomial[5];
-    /// What q(a) is, and its derivative by q(b).
-    double Value(const VectorX& q) const {
-      const double x = b >= 0 ? q(b) : 0, *p = polynomial;
-      return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4])));
+    LinearForm terms;  // of coordinates, neither a nor b
+
+    /// a, b and those of the terms, each once.
+    std::vector<int> Coordinates() const {
+      std::vector<int> all = {a};
+      if (b >= 0) all.push_back(b);
+      for (const auto& term : terms) all.push_back(term.first);
+      return all;
     }
-    double Slope(const VectorX& q) const {
+    /// c(q) = q_a - polynomial(q_b) - Σ coefficient q, 0 where it holds.
+    double Residual(const VectorX& q) const {
       const double x = b >= 0 ? q(b) : 0, *p = polynomial;
-      return p[1] + x * (2 * p[2] + x * (3 * p[3] + x * 4 * p[4]));
+      double c = q(a) - (p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * p[4]))));
+      for (const auto& [i, coefficient] : terms) c -= coefficient * q(i);
+      return c;
+    }
+    /// Calls f(i, ∂c/∂q_i) in the order of Coordinates.
+    template <class F>
+    void ForEachSlope(const VectorX& q, F&& f) const {
+      f(a, 1.0);
+      if (b >= 0) {
+        const double x = q(b), *p = polynomial;
+        f(b, -(p[1] + x * (2 * p[2] + x * (3 * p[3] + x * 4 * p[4]))));
+      }
+      for (const auto& [i, coefficient] : terms) f(i, -coefficient);
+    }
+    /// ∂²c/∂q_b², the only second derivative of c that may differ from 0; b must be valid.
+    double SecondDerivative(const VectorX& q) const {
+      const double x = q(b), *p = polynomial;
+      return -(2 * p[2] + x * (6 * p[3] + x * 12 * p[4]));
     }
   };
   struct Control {

@@ -29,7 +29,7 @@ struct ClosureRows {
   int rows = 0;
   int component[6], row[6];
 };
-/// q_a - polynomial(q_b), both as forms of y.
+/// A coupling: a - polynomial(q_b), with a = q_a - Σ coefficient q; both as forms of y.
 template <class Real>
 struct CouplingRow {
   int row = 0;

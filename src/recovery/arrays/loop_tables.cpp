@@ -92,10 +92,10 @@ void LoopTables<double>::FillClosures(const ReducedModel& model, const LoopUnits
     if (link.parent >= 0) link.parent = slot[static_cast<std::size_t>(link.parent)];
     links_.push_back(link);
   }
-  const auto hear = [&](int coordinate) {
+  const auto hear = [&](int coordinate, double coefficient) {
     for (const auto& [entry, weight] : forms.of(coordinate)) {
       heard_.push_back(entry);
-      weights_.push_back(weight);
+      weights_.push_back(coefficient * weight);
     }
     return static_cast<int>(heard_.size());
   };
@@ -123,8 +123,9 @@ void LoopTables<double>::FillClosures(const ReducedModel& model, const LoopUnits
       CouplingRow<double> row{};
       row.row = k;
       row.first_a = static_cast<int>(heard_.size());
-      row.last_a = hear(coupling.a);
-      row.last_b = coupling.b >= 0 ? hear(coupling.b) : row.last_a;
+      row.last_a = hear(coupling.a, 1);
+      for (const auto& [i, coefficient] : coupling.terms) row.last_a = hear(i, -coefficient);
+      row.last_b = coupling.b >= 0 ? hear(coupling.b, 1) : row.last_a;
       for (int i = 0; i < 5; ++i) row.polynomial[i] = coupling.polynomial[i];
       row.unit = units.unit(k);
       couplings_.push_back(row);
