@@ -48,6 +48,7 @@ void SetUp(Conversion& c) {
   c.body_names = Names(m, m.nbody, m.name_bodyadr, "body");
   c.joint_names = Names(m, m.njnt, m.name_jntadr, "joint");
   c.actuator_names = Names(m, m.nactuator, m.name_actuatoradr, "actuator");
+  c.sensor_names = Names(m, m.nsensor, m.name_sensoradr, "sensor");
   const std::string name = m.names;
   c.scene.name = name.empty() || name == "MuJoCo Model" ? internal::Stem(c.file) : name;
   c.scene.gravity = Vector3(m.opt.gravity[0], m.opt.gravity[1], m.opt.gravity[2]);
@@ -144,6 +145,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   ConvertActuators(c);
   ConvertEqualities(c);
   if (auto error = ConvertMimics(c, mimics)) return error;
+  ConvertSensors(c);
   ListUnsupported(c);
   if (auto error = ApplyCustom(c, options)) return error;
   if (auto error = ConvertKeyframes(c, options.keyframe)) return error;

@@ -61,6 +61,11 @@ class JsonWriter {
   }
 
   template <class T>
+  void Optional(const char* key, const T& value) {
+    (*this)(key, value);
+  }
+
+  template <class T>
   Json Encode(const T& value) {
     if constexpr (std::is_enum_v<T>) {
       for (const auto& [e, name] : EnumNames<T>::kNames)
@@ -145,6 +150,12 @@ class JsonReader {
   void operator()(const char* key, T& value) {
     const JsonPath path{path_, key};
     Decode(Member(*node_, key, path), value, path);
+  }
+
+  /// Leaves the value as it is where the object has no such member.
+  template <class T>
+  void Optional(const char* key, T& value) {
+    if (!node_->is_object() || node_->contains(key)) (*this)(key, value);
   }
 
   template <class T>
