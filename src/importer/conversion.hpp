@@ -172,7 +172,7 @@ bool TendonWorks(const mjModel& m, const mjData& d, int tendon);
 void ConvertActuators(Conversion& c);
 /// Dry friction, and bounds of what actuators give (bounded_forces.cpp); after ApplyPd.
 void ConvertBoundedForces(Conversion& c);
-/// Sensors (sensors.cpp); after ConvertEqualities.
+/// Sensors (sensors.cpp); after ApplyPd, which takes the place of motors.
 void ConvertSensors(Conversion& c);
 /// Springs of joints and tendons (springs.cpp); FinishSprings writes k and c into the freedoms.
 void ConvertSprings(Conversion& c);

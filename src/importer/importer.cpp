@@ -62,6 +62,17 @@ void SetUp(Conversion& c) {
   }
 }
 
+// As ScaleStiffness scales those of the mechanism.
+void ScaleGains(const Scene& scene, double factor, SensorActuator& actuator) {
+  const auto& controls = scene.mechanisms[static_cast<std::size_t>(actuator.mechanism)].controls;
+  for (auto& [name, gain] : actuator.inputs)
+    for (const ControlDef& control : controls)
+      if (control.name == name && control.is_setpoint) gain *= factor;
+  actuator.stiffness *= factor;
+  actuator.damping *= std::sqrt(factor);
+  if (actuator.stiffness > 0) actuator.bias *= factor;
+}
+
 // A model file as MuJoCo is to read it.
 Expected<ImportedScene> Import(const internal::PreparedModel& prepared, const ImportOptions& options) {
   auto model = internal::ParsePrepared(prepared);
@@ -145,7 +156,6 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   ConvertActuators(c);
   ConvertEqualities(c);
   if (auto error = ConvertMimics(c, mimics)) return error;
-  ConvertSensors(c);
   ListUnsupported(c);
   if (auto error = ApplyCustom(c, options)) return error;
   if (auto error = ConvertKeyframes(c, options.keyframe)) return error;
@@ -153,6 +163,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = ApplyGround(c, options)) return error;
   if (auto error = ExcludeOverlaps(c)) return error;
   if (auto error = ApplyPd(c, options)) return error;
+  ConvertSensors(c);
   ConvertBoundedForces(c);
   FinishSprings(c);
   ListHolds(c);
@@ -163,6 +174,10 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (options.stiffness_scale != 1) {
     for (MechanismDef& mechanism : c.scene.mechanisms) {
       mechanism = ScaleStiffness(std::move(mechanism), options.stiffness_scale);
+    }
+    for (SensorDef& sensor : c.scene.sensors) {
+      for (SensorActuator& actuator : sensor.actuators)
+        ScaleGains(c.scene, options.stiffness_scale, actuator);
     }
     for (ServoGains& servo : c.report.servos) {
       servo.stiffness *= options.stiffness_scale;

@@ -1,7 +1,9 @@
 // Sensors of MJCF: what each measures, of which body, joint or length.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
+#include <tuple>
 
 #include "conversion.hpp"
 
@@ -163,6 +165,122 @@ SensorDef SubtreeSensor(const Conversion& c, SensorDef s, SensorKind kind, int b
   return s;
 }
 
+// The force between a body and what carries it.
+SensorDef CutSensor(const Conversion& c, SensorDef s, SensorKind kind, int i) {
+  const int body = c.m.site_bodyid[c.m.sensor_objid[i]];
+  s = FrameSensor(c, std::move(s), kind, i, true);
+  const auto subtree = SubtreeOf(c, body);
+  if (!subtree || s.frame.body.is_world())
+    return Unknown(std::move(s), "the masses of still bodies and of parts of a free body are not kept apart");
+  s.subtree = *subtree;
+  if (s.frame.body.mechanism < 0) return s;
+  const auto is_inside = [&](BodyIndex b) {
+    return std::any_of(s.subtree.begin(), s.subtree.end(),
+                       [&](const SensorBody& of) { return of.body == b; });
+  };
+  const MechanismDef& mechanism = c.scene.mechanisms[static_cast<std::size_t>(s.frame.body.mechanism)];
+  for (const ClosureDef& closure : mechanism.closures)
+    if (is_inside(closure.body_a) != is_inside(closure.body_b))
+      return Unknown(std::move(s), fmt::format("'{}' closes a loop over its body", closure.name));
+  return s;
+}
+
+SensorDef TouchSensor(const Conversion& c, SensorDef s, int i) {
+  const mjModel& m = c.m;
+  const int site = m.sensor_objid[i];
+  const mjtNum* size = m.site_size + 3 * site;
+  s = FrameSensor(c, std::move(s), SensorKind::kTouch, i, true);
+  switch (m.site_type[site]) {
+    case mjGEOM_SPHERE:
+      s.volume = Sphere{size[0]};
+      return s;
+    case mjGEOM_CAPSULE:
+      s.volume = Capsule{size[0], size[1]};
+      return s;
+    case mjGEOM_CYLINDER:
+      s.volume = Cylinder{size[0], size[1]};
+      return s;
+    case mjGEOM_ELLIPSOID:
+      s.volume = Ellipsoid{Vec3(size)};
+      return s;
+    case mjGEOM_BOX:
+      s.volume = Box{Vec3(size)};
+      return s;
+    default:
+      return Unknown(std::move(s), "a site of this shape has no volume");
+  }
+}
+
+SensorDef LimitForceSensor(Conversion& c, SensorDef s, int joint) {
+  if (c.m.jnt_type[joint] == mjJNT_BALL)
+    return Unknown(std::move(s), "a cone limit of a ball joint is not simulated");
+  return LengthSensor(c, std::move(s), SensorKind::kLimitForce, mjOBJ_JOINT, joint);
+}
+
+// The law of an actuator; nothing where proportional-derivative control has taken its place.
+std::optional<SensorActuator> ActuatorOf(Conversion& c, const LinearActuator& a) {
+  SensorActuator actuator;
+  actuator.mechanism = c.MechanismOf(a.length.terms[0].first);
+  const auto& controls = c.controls[static_cast<std::size_t>(actuator.mechanism)];
+  for (const ActuatorInput& input : a.inputs) {
+    if (std::none_of(controls.begin(), controls.end(),
+                     [&](const ControlSource& source) { return source.ctrl == input.ctrl; }))
+      return std::nullopt;
+    actuator.inputs.emplace_back(input.name, input.gain);
+  }
+  c.PutLength(a.length, actuator);
+  actuator.at_reference = a.length.at_reference;
+  actuator.stiffness = -a.b1;
+  actuator.damping = -a.b2;
+  actuator.bias = a.b0;
+  if (c.m.actuator_forcelimited[a.actuator]) {
+    actuator.lower = c.m.actuator_forcerange[2 * a.actuator];
+    actuator.upper = c.m.actuator_forcerange[2 * a.actuator + 1];
+  }
+  return actuator;
+}
+
+constexpr const char* kNoLaw = "its actuator is not simulated as the file has it";
+
+SensorDef ActuatorForceSensor(Conversion& c, SensorDef s, int id) {
+  s.kind = SensorKind::kActuatorForce;
+  if (c.m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
+  for (const LinearActuator& a : LinearActuators(c.m, c.d)) {
+    if (a.actuator != id || !a.left_out.empty()) continue;
+    if (auto actuator = ActuatorOf(c, a)) {
+      s.mechanism = actuator->mechanism;
+      s.actuators.push_back(std::move(*actuator));
+      return s;
+    }
+  }
+  return Unknown(std::move(s), kNoLaw);
+}
+
+SensorDef JointActuatorForceSensor(Conversion& c, SensorDef s, int joint) {
+  const mjModel& m = c.m;
+  s = LengthSensor(c, std::move(s), SensorKind::kJointActuatorForce, mjOBJ_JOINT, joint);
+  if (s.kind == SensorKind::kUnknown) return s;
+  if (m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
+  const int dof = m.jnt_dofadr[joint];
+  const auto acts = [&](const Length& length) {
+    return std::any_of(length.terms.begin(), length.terms.end(),
+                       [&](const auto& term) { return term.first == dof; });
+  };
+  const std::vector<LinearActuator> laws = LinearActuators(m, c.d);
+  for (int i = 0; i < m.nactuator; ++i) {
+    if (!acts(ActuatorLength(m, c.d, i))) continue;
+    const auto law = std::find_if(laws.begin(), laws.end(), [&](const auto& a) { return a.actuator == i; });
+    auto actuator = law == laws.end() || !law->left_out.empty() ? std::nullopt : ActuatorOf(c, *law);
+    if (!actuator) return Unknown(std::move(s), kNoLaw);
+    s.actuators.push_back(std::move(*actuator));
+  }
+  if (m.jnt_actfrclimited[joint]) {
+    s.lower = m.jnt_actfrcrange[2 * joint];
+    s.upper = m.jnt_actfrcrange[2 * joint + 1];
+  }
+  return s;
+}
+
 SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {
   const mjModel& m = c.m;
   const int type = m.sensor_objtype[i], id = m.sensor_objid[i];
@@ -213,6 +331,24 @@ SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {
       return SubtreeSensor(c, std::move(s), K::kSubtreeVelocity, id);
     case mjSENS_SUBTREEANGMOM:
       return SubtreeSensor(c, std::move(s), K::kSubtreeAngularMomentum, id);
+    case mjSENS_ACCELEROMETER:
+      return FrameSensor(c, std::move(s), K::kAcceleration, i, true);
+    case mjSENS_FRAMELINACC:
+      return FrameSensor(c, std::move(s), K::kAcceleration, i, false);
+    case mjSENS_FRAMEANGACC:
+      return FrameSensor(c, std::move(s), K::kAngularAcceleration, i, false);
+    case mjSENS_FORCE:
+      return CutSensor(c, std::move(s), K::kForce, i);
+    case mjSENS_TORQUE:
+      return CutSensor(c, std::move(s), K::kTorque, i);
+    case mjSENS_TOUCH:
+      return TouchSensor(c, std::move(s), i);
+    case mjSENS_JOINTLIMITFRC:
+      return LimitForceSensor(c, std::move(s), id);
+    case mjSENS_ACTUATORFRC:
+      return ActuatorForceSensor(c, std::move(s), id);
+    case mjSENS_JOINTACTFRC:
+      return JointActuatorForceSensor(c, std::move(s), id);
     case mjSENS_CLOCK:
       s.kind = K::kTime;
       return s;

@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "base/near_names.hpp"
+#include "sensor_momentum.hpp"
 
 namespace fork1s {
 namespace {
@@ -18,28 +19,6 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 void Put(const Vector3& v, double* out) { std::copy_n(v.data(), 3, out); }
 
 void Put(const Quaternion& q, double* out) { out[0] = q.w(), out[1] = q.x(), out[2] = q.y(), out[3] = q.z(); }
-
-const SpatialInertia& InertiaOf(const Scene& scene, const SensorBody& b) {
-  if (b.mechanism < 0) return scene.free_bodies[static_cast<std::size_t>(b.free_body)].inertia;
-  return scene.mechanisms[static_cast<std::size_t>(b.mechanism)].bodies[b.body.u()].inertia;
-}
-
-// Of a rigid body in the world: momentum and angular momentum about its centre of mass.
-struct Momentum {
-  double mass = 0;
-  Vector3 center_W = Vector3::Zero(), linear = Vector3::Zero(), about_center = Vector3::Zero();
-};
-
-Momentum MomentumOf(const SpatialInertia& inertia, const RigidTransform& X_WB, const Vector6& V_W) {
-  const Matrix3& R = X_WB.rotation();
-  const Vector3 arm = R * inertia.center;
-  Momentum m;
-  m.mass = inertia.mass;
-  m.center_W = X_WB.translation() + arm;
-  m.linear = inertia.mass * (V_W.tail<3>() + V_W.head<3>().cross(arm));
-  m.about_center = R * (inertia.rotational * (R.transpose() * V_W.head<3>()));
-  return m;
-}
 
 }  // namespace
 
@@ -59,18 +38,10 @@ Sensors::Sensors(const Simulation& simulation) : definitions_(simulation.scene()
   for (const SensorDef& s : definitions_) {
     first_.push_back(size);
     size += s.size;
-    Mechanism::Length& length = lengths_.emplace_back();
-    if (s.mechanism < 0) continue;
-    const auto m = static_cast<std::size_t>(s.mechanism);
-    const Mechanism& mechanism = simulation.given_mechanism(s.mechanism);
-    if (!coordinates_[m].kinematics) coordinates_[m].kinematics.emplace(mechanism);
-    for (const auto& [ref, coefficient] : s.terms) {
-      const JointIndex joint =
-          mechanism.definition().FindJoint(scene.mechanisms[m].joints[ref.joint.u()].name);
-      length.terms.emplace_back(mechanism.joint(joint).offset + ref.freedom, coefficient);
-    }
-    length.path = s.along.path;
-    length.gear = s.along.gear;
+    lengths_.push_back(LengthFrom(simulation, s.mechanism, s.terms, s.along));
+    auto& of_actuators = actuator_lengths_.emplace_back();
+    for (const SensorActuator& a : s.actuators)
+      of_actuators.push_back(LengthFrom(simulation, a.mechanism, a.terms, a.along));
   }
   first_.push_back(size);
   values_.setConstant(size, kNaN);
@@ -143,18 +114,40 @@ Sensors::Frame Sensors::FrameOf(const Simulation& simulation, const SensorFrame&
   return f;
 }
 
+Mechanism::Length Sensors::LengthFrom(const Simulation& simulation, int mechanism,
+                                      const std::vector<std::pair<FreedomRef, double>>& terms,
+                                      const PathUse& along) {
+  Mechanism::Length length;
+  if (mechanism < 0) return length;
+  const Mechanism& built = simulation.given_mechanism(mechanism);
+  const MechanismDef& given = simulation.scene().mechanisms[static_cast<std::size_t>(mechanism)];
+  Coordinates& c = coordinates_[static_cast<std::size_t>(mechanism)];
+  if (!c.kinematics) c.kinematics.emplace(built);
+  for (const auto& [ref, coefficient] : terms) {
+    const JointIndex joint = built.definition().FindJoint(given.joints[ref.joint.u()].name);
+    length.terms.emplace_back(built.joint(joint).offset + ref.freedom, coefficient);
+  }
+  length.path = along.path;
+  length.gear = along.gear;
+  return length;
+}
+
+Sensors::Scalar Sensors::LengthOf(const Simulation& simulation, int mechanism,
+                                  const Mechanism::Length& length, double at_reference) const {
+  Scalar scalar{at_reference, 0};
+  if (mechanism < 0) return scalar;
+  const Coordinates& c = coordinates_[static_cast<std::size_t>(mechanism)];
+  scalar.length += fork1s::LengthOf(simulation.given_mechanism(mechanism), length, *c.kinematics, c.q);
+  for (const auto& [i, coefficient] : length.terms) scalar.rate += coefficient * c.rates(i);
+  if (length.path < 0) return scalar;
+  for (const auto& [i, arm] : c.kinematics->paths[static_cast<std::size_t>(length.path)].arms)
+    scalar.rate += length.gear * arm * c.q_dot(i);
+  return scalar;
+}
+
 Sensors::Scalar Sensors::LengthOf(const Simulation& simulation, std::size_t sensor) const {
   const SensorDef& s = definitions_[sensor];
-  Scalar scalar{s.at_reference, 0};
-  if (s.mechanism < 0) return scalar;
-  const Coordinates& c = coordinates_[static_cast<std::size_t>(s.mechanism)];
-  scalar.length +=
-      fork1s::LengthOf(simulation.given_mechanism(s.mechanism), lengths_[sensor], *c.kinematics, c.q);
-  for (const auto& [i, coefficient] : lengths_[sensor].terms) scalar.rate += coefficient * c.rates(i);
-  if (lengths_[sensor].path < 0) return scalar;
-  for (const auto& [i, arm] : c.kinematics->paths[static_cast<std::size_t>(lengths_[sensor].path)].arms)
-    scalar.rate += lengths_[sensor].gear * arm * c.q_dot(i);
-  return scalar;
+  return LengthOf(simulation, s.mechanism, lengths_[sensor], s.at_reference);
 }
 
 void Sensors::Evaluate(const Simulation& simulation, std::size_t sensor, double* out) const {
@@ -202,7 +195,27 @@ void Sensors::Evaluate(const Simulation& simulation, std::size_t sensor, double*
     case SensorKind::kSubtreeAngularMomentum:
       EvaluateSubtree(simulation, s, out);
       return;
-    default:
+    case SensorKind::kAcceleration:
+    case SensorKind::kAngularAcceleration:
+      EvaluateAcceleration(simulation, s, out);
+      return;
+    case SensorKind::kForce:
+    case SensorKind::kTorque:
+      EvaluateCut(simulation, s, out);
+      return;
+    case SensorKind::kTouch:
+      if (simulation.steps() > 0) out[0] = TouchForce(simulation, s);
+      return;
+    case SensorKind::kLimitForce:
+      if (simulation.steps() > 0) out[0] = LimitForce(simulation, sensor);
+      return;
+    case SensorKind::kActuatorForce:
+      out[0] = ActuatorForce(simulation, s.actuators[0], actuator_lengths_[sensor][0]);
+      return;
+    case SensorKind::kJointActuatorForce:
+      out[0] = JointActuatorForce(simulation, sensor);
+      return;
+    case SensorKind::kUnknown:
       return;
   }
 }
@@ -257,12 +270,12 @@ void Sensors::EvaluateSubtree(const Simulation& simulation, const SensorDef& s, 
   Vector3 moment = Vector3::Zero(), linear = Vector3::Zero(), about_origin = Vector3::Zero();
   for (const SensorBody& b : s.subtree) {
     const int place = BodyOf(b);
-    const Momentum m =
-        MomentumOf(InertiaOf(simulation.scene(), b), simulation.Pose(place), simulation.Velocity(place));
+    const internal::Momentum m = internal::MomentumOf(internal::InertiaOf(simulation.scene(), b),
+                                                      simulation.Pose(place), simulation.Velocity(place));
     mass += m.mass;
     moment += m.mass * m.center_W;
     linear += m.linear;
-    about_origin += m.about_center + m.center_W.cross(m.linear);
+    about_origin += m.AboutOrigin();
   }
   const Vector3 center = moment / mass;  // massless: NaN, it has none
   if (s.kind == SensorKind::kSubtreeCenter)

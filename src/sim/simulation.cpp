@@ -119,7 +119,12 @@ void Simulation::RecordStartMotions() {
     BodyMotion& motion = start_motions_[i];
     motion = {Pose(static_cast<int>(i)), Velocity(static_cast<int>(i)), Vector6::Zero()};
     const SceneBody& b = bodies_[i];
-    if (b.mechanism < 0) continue;
+    if (b.mechanism < 0) {
+      const FreeBody& body = world_.free_bodies()[static_cast<std::size_t>(b.index)];
+      const Vector3 arm = body.center_W() - motion.X_WB.translation(), force = body.load().force_W;
+      motion.load_W << body.load().MomentAt(motion.X_WB.rotation()) + arm.cross(force), force;
+      continue;
+    }
     const AppliedForces& load =
         world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].loads()[static_cast<std::size_t>(b.index)];
     motion.load_W << load.MomentAt(motion.X_WB.rotation()), load.force_W;

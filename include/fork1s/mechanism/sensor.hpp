@@ -56,6 +56,20 @@ struct SensorFrame {
   RigidTransform X_BF;
 };
 
+/// Law of an actuator: F = Σ gain u + bias - stiffness L - damping dL/dt within [lower, upper], with its length
+/// L = at_reference + Σ coefficient q plus that of a path.
+struct SensorActuator {
+  int mechanism = -1;  // of the scene
+  std::vector<std::pair<FreedomRef, double>> terms;
+  PathUse along = {};
+  double at_reference = 0;
+  std::vector<std::pair<std::string, double>> inputs;  // ControlDef::name, gain
+  double stiffness = 0, damping = 0;
+  double bias = 0;                                          // N or N·m
+  double lower = -std::numeric_limits<double>::infinity();  // N or N·m
+  double upper = std::numeric_limits<double>::infinity();
+};
+
 struct SensorDef {
   std::string name;
   SensorKind kind = SensorKind::kUnknown;
@@ -70,11 +84,12 @@ struct SensorDef {
   std::vector<std::pair<FreedomRef, double>> terms;
   PathUse along = {};
   double at_reference = 0;
-  double lower = -std::numeric_limits<double>::infinity();  // of the length: limits
+  double lower =
+      -std::numeric_limits<double>::infinity();  // limits of the length; kJointActuatorForce: of the force
   double upper = std::numeric_limits<double>::infinity();
-  Shape volume = Sphere{};                                       // kTouch: in `frame`
-  Vector3 field_W = Vector3::Zero();                             // kMagneticField
-  std::string actuator;                                          // kActuatorForce: its name
+  Shape volume = Sphere{};                // kTouch: in `frame`
+  Vector3 field_W = Vector3::Zero();      // kMagneticField
+  std::vector<SensorActuator> actuators;  // kActuatorForce: one; kJointActuatorForce: those on the joint
   double clip_lower = -std::numeric_limits<double>::infinity();  // every value is clipped to these
   double clip_upper = std::numeric_limits<double>::infinity();
   std::string reason;  // kUnknown: why it has no value

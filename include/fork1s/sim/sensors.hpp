@@ -48,17 +48,35 @@ class Sensors {
   };
   int BodyOf(const SensorBody& body) const;  // place in Simulation::bodies(), -1: the world
   Frame FrameOf(const Simulation& simulation, const SensorFrame& frame) const;
+  Mechanism::Length LengthFrom(const Simulation& simulation, int mechanism,
+                               const std::vector<std::pair<FreedomRef, double>>& terms, const PathUse& along);
+  Scalar LengthOf(const Simulation& simulation, int mechanism, const Mechanism::Length& length,
+                  double at_reference) const;
   Scalar LengthOf(const Simulation& simulation, std::size_t sensor) const;
   void Evaluate(const Simulation& simulation, std::size_t sensor, double* out) const;
   void EvaluateBall(const Simulation& simulation, const SensorDef& s, double* out) const;
   void EvaluateFrame(const Simulation& simulation, const SensorDef& s, double* out) const;
+  void EvaluateAcceleration(const Simulation& simulation, const SensorDef& s, double* out) const;
+  void EvaluateCut(const Simulation& simulation, const SensorDef& s, double* out) const;
+  double TouchForce(const Simulation& simulation, const SensorDef& s) const;
+  double LimitForce(const Simulation& simulation, std::size_t sensor) const;
+  double ActuatorForce(const Simulation& simulation, const SensorActuator& actuator,
+                       const Mechanism::Length& length) const;
+  double JointActuatorForce(const Simulation& simulation, std::size_t sensor) const;
+  struct FrameInStep {
+    Frame start, end;
+    RigidTransform X_WF_middle;
+  };
+  /// In the last step; nothing before the first one.
+  std::optional<FrameInStep> FrameInStepOf(const Simulation& simulation, const SensorFrame& frame) const;
   void EvaluateSubtree(const Simulation& simulation, const SensorDef& s, double* out) const;
 
   std::vector<SensorDef> definitions_;
   std::vector<int> first_;                  // value of each sensor, and the number of all
   std::vector<Mechanism::Length> lengths_;  // of each sensor
-  std::vector<Coordinates> coordinates_;    // of each mechanism that a sensor asks for
-  std::vector<std::vector<int>> body_of_;   // places of bodies, by mechanism of the scene
+  std::vector<std::vector<Mechanism::Length>> actuator_lengths_;  // of each sensor: of its actuators
+  std::vector<Coordinates> coordinates_;                          // of each mechanism that a sensor asks for
+  std::vector<std::vector<int>> body_of_;  // places of bodies, by mechanism of the scene
   std::vector<int> free_body_of_;
   VectorX values_;
 };

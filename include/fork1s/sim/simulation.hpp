@@ -37,7 +37,7 @@ struct SceneBody {
 struct BodyMotion {
   RigidTransform X_WB;
   Vector6 V_W = Vector6::Zero();  // [ω_W; velocity of its origin]
-  /// Of ApplyWrench in the step, on bodies of mechanisms: [moment about the origin of the body; force], N·m and
+  /// Of ApplyWrench in the step: [moment about the origin of the body; force], N·m and
   /// N, world axes.
   Vector6 load_W = Vector6::Zero();
 };
