@@ -24,6 +24,7 @@
 #include <fork1s/sim/draw.hpp>
 #include <fork1s/sim/linearize.hpp>
 #include <fork1s/sim/load_factor.hpp>
+#include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>

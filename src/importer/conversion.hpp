@@ -72,7 +72,7 @@ struct Conversion {
   std::vector<JointPlace> joint;  // per MuJoCo joint
   std::vector<bool> rigid_root;  // per MuJoCo body: its free joint and a weld to the base became a fixed link
   std::vector<bool> used_equality;
-  std::vector<std::string> body_names, joint_names, actuator_names;
+  std::vector<std::string> body_names, joint_names, actuator_names, sensor_names;
 
   // Per degree of freedom of MuJoCo: force = c - k q of all that acts on this freedom alone.
   std::vector<double> k, c;
@@ -181,6 +181,8 @@ bool TendonWorks(const mjModel& m, const mjData& d, int tendon);
 void ConvertActuators(Conversion& c);
 /// Dry friction, and bounds of what actuators give (bounded_forces.cpp); after ApplyPd.
 void ConvertBoundedForces(Conversion& c);
+/// Sensors (sensors.cpp); after ApplyPd, which takes the place of motors.
+void ConvertSensors(Conversion& c);
 /// Springs of joints and tendons (springs.cpp); FinishSprings writes k and c into the freedoms.
 void ConvertSprings(Conversion& c);
 void FinishSprings(Conversion& c);

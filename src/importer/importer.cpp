@@ -48,6 +48,7 @@ void SetUp(Conversion& c) {
   c.body_names = Names(m, m.nbody, m.name_bodyadr, "body");
   c.joint_names = Names(m, m.njnt, m.name_jntadr, "joint");
   c.actuator_names = Names(m, m.nactuator, m.name_actuatoradr, "actuator");
+  c.sensor_names = Names(m, m.nsensor, m.name_sensoradr, "sensor");
   const std::string name = m.names;
   c.scene.name = name.empty() || name == "MuJoCo Model" ? internal::Stem(c.file) : name;
   c.scene.gravity = Vector3(m.opt.gravity[0], m.opt.gravity[1], m.opt.gravity[2]);
@@ -59,6 +60,17 @@ void SetUp(Conversion& c) {
            fmt::format("steps of 1/60 s are taken, not the file's {} s; the option dt sets others",
                        m.opt.timestep));
   }
+}
+
+// As ScaleStiffness scales those of the mechanism.
+void ScaleGains(const Scene& scene, double factor, SensorActuator& actuator) {
+  const auto& controls = scene.mechanisms[static_cast<std::size_t>(actuator.mechanism)].controls;
+  for (auto& [name, gain] : actuator.inputs)
+    for (const ControlDef& control : controls)
+      if (control.name == name && control.is_setpoint) gain *= factor;
+  actuator.stiffness *= factor;
+  actuator.damping *= std::sqrt(factor);
+  if (actuator.stiffness > 0) actuator.bias *= factor;
 }
 
 // A model file as MuJoCo is to read it.
@@ -152,6 +164,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = ApplyGround(c, options)) return error;
   if (auto error = ExcludeOverlaps(c)) return error;
   if (auto error = ApplyPd(c, options)) return error;
+  ConvertSensors(c);
   ConvertBoundedForces(c);
   FinishSprings(c);
   ListHolds(c);
@@ -162,6 +175,10 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (options.stiffness_scale != 1) {
     for (MechanismDef& mechanism : c.scene.mechanisms) {
       mechanism = ScaleStiffness(std::move(mechanism), options.stiffness_scale);
+    }
+    for (SensorDef& sensor : c.scene.sensors) {
+      for (SensorActuator& actuator : sensor.actuators)
+        ScaleGains(c.scene, options.stiffness_scale, actuator);
     }
     for (ServoGains& servo : c.report.servos) {
       servo.stiffness *= options.stiffness_scale;

@@ -224,7 +224,6 @@ void ListUnsupported(Conversion& c) {
   const auto count = [&](mjtSize n, const char* what, const char* why) {
     if (n > 0) c.Dropped(n == 1 ? fmt::format("1 {}", what) : fmt::format("{} {}s", n, what), why);
   };
-  count(m.nsensor, "sensor", "recordings hold every pose and force instead");
   count(m.ncam, "camera", "the viewer has its own");
   count(m.nskin, "skin", "skins are not drawn");
   count(m.ntuple, "tuple", "it has no meaning here");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/mechanism/definition.hpp>
+#include <fork1s/mechanism/sensor.hpp>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -26,6 +27,36 @@ inline constexpr std::pair<PathElementDef::Kind, const char*> kPathElementNames[
     {PathElementDef::Kind::kPulley, "pulley"}};
 inline constexpr std::pair<PathKind, const char*> kPathKindNames[] = {
     {PathKind::kThread, "thread"}, {PathKind::kSliderCrank, "slider-crank"}, {PathKind::kWrench, "wrench"}};
+
+inline constexpr std::pair<SensorKind, const char*> kSensorKindNames[] = {
+    {SensorKind::kUnknown, "unknown"},
+    {SensorKind::kTime, "time"},
+    {SensorKind::kKineticEnergy, "kinetic-energy"},
+    {SensorKind::kLength, "length"},
+    {SensorKind::kLengthRate, "length-rate"},
+    {SensorKind::kLimitDistance, "limit-distance"},
+    {SensorKind::kLimitRate, "limit-rate"},
+    {SensorKind::kLimitForce, "limit-force"},
+    {SensorKind::kBallRotation, "ball-rotation"},
+    {SensorKind::kBallAngularVelocity, "ball-angular-velocity"},
+    {SensorKind::kPosition, "position"},
+    {SensorKind::kRotation, "rotation"},
+    {SensorKind::kXAxis, "x-axis"},
+    {SensorKind::kYAxis, "y-axis"},
+    {SensorKind::kZAxis, "z-axis"},
+    {SensorKind::kVelocity, "velocity"},
+    {SensorKind::kAngularVelocity, "angular-velocity"},
+    {SensorKind::kAcceleration, "acceleration"},
+    {SensorKind::kAngularAcceleration, "angular-acceleration"},
+    {SensorKind::kMagneticField, "magnetic-field"},
+    {SensorKind::kSubtreeCenter, "subtree-center"},
+    {SensorKind::kSubtreeVelocity, "subtree-velocity"},
+    {SensorKind::kSubtreeAngularMomentum, "subtree-angular-momentum"},
+    {SensorKind::kForce, "force"},
+    {SensorKind::kTorque, "torque"},
+    {SensorKind::kTouch, "touch"},
+    {SensorKind::kActuatorForce, "actuator-force"},
+    {SensorKind::kJointActuatorForce, "joint-actuator-force"}};
 
 /// The word of a value in one of these lists; "" for what is none.
 template <class T, std::size_t count>

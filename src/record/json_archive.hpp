@@ -156,7 +156,7 @@ class JsonReader {
   /// Without such a field the value stays as it is.
   template <class T>
   void Optional(const char* key, T& value) {
-    if (node_->contains(key)) (*this)(key, value);
+    if (!node_->is_object() || node_->contains(key)) (*this)(key, value);
   }
 
   template <class T>

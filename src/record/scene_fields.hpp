@@ -36,6 +36,10 @@ struct EnumNames<PathKind> {
   static constexpr auto& kNames = kPathKindNames;
 };
 template <>
+struct EnumNames<SensorKind> {
+  static constexpr auto& kNames = kSensorKindNames;
+};
+template <>
 struct EnumNames<Recovery> {
   static constexpr auto& kNames = kRecoveryNames;
 };
@@ -243,12 +247,45 @@ void Fields(A& a, Like<KeyframeDef, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<SensorBody, A>& s) {
+  auto& [mechanism, body, free_body] = s;
+  a("mechanism", mechanism), a("body", body), a("free_body", free_body);
+}
+
+template <class A>
+void Fields(A& a, Like<SensorFrame, A>& s) {
+  auto& [body, X_BF] = s;
+  a("body", body), a("X_BF", X_BF);
+}
+
+template <class A>
+void Fields(A& a, Like<SensorActuator, A>& s) {
+  auto& [mechanism, terms, along, at_reference, inputs, stiffness, damping, bias, lower, upper] = s;
+  a("mechanism", mechanism), a("terms", terms), a("along", along), a("at_reference", at_reference);
+  a("inputs", inputs), a("stiffness", stiffness), a("damping", damping), a("bias", bias);
+  a("lower", lower), a("upper", upper);
+}
+
+template <class A>
+void Fields(A& a, Like<SensorDef, A>& s) {
+  auto& [name, kind, size, frame, reference, own_axes, subtree, mechanism, terms, along, at_reference, lower,
+         upper, volume, field_W, actuators, clip_lower, clip_upper, reason] = s;
+  a("name", name), a("kind", kind), a("size", size), a("frame", frame);
+  a("reference", reference), a("own_axes", own_axes), a("subtree", subtree), a("mechanism", mechanism);
+  a("terms", terms), a("along", along), a("at_reference", at_reference), a("lower", lower);
+  a("upper", upper), a("volume", volume), a("field_W", field_W), a("actuators", actuators);
+  a("clip_lower", clip_lower), a("clip_upper", clip_upper), a("reason", reason);
+}
+
+template <class A>
 void Fields(A& a, Like<Scene, A>& s) {
-  auto& [name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, contact_pairs, keyframes] =
-      s;
+  auto& [name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, contact_pairs, keyframes,
+         sensors] = s;
   a("name", name), a("gravity", gravity), a("timestep", timestep), a("mechanisms", mechanisms);
   a("free_bodies", free_bodies), a("world", world), a("excluded_pairs", excluded_pairs),
       a("contact_pairs", contact_pairs), a("keyframes", keyframes);
+  // Files of version 18 without this list have no sensors.
+  a.Optional("sensors", sensors);
 }
 
 template <class A>

@@ -7,6 +7,7 @@
 #include <fork1s/sim/ask.hpp>
 
 #include "join.hpp"
+#include "sensor_needs.hpp"
 
 namespace fork1s {
 Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& options) {
@@ -80,6 +81,8 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.control_upper_ = to_vector(upper);
 
   s.ListBodies();
+  s.records_start_motions_ =
+      std::any_of(s.scene_.sensors.begin(), s.scene_.sensors.end(), internal::NeedsStartMotions);
   s.PassControls(false);
   return s;
 }
@@ -95,6 +98,7 @@ StepReport Simulation::Step(bool controls_move) {
   pushed_W_.clear();
   if (!holds_.empty())
     for (const MechanismDynamics& m : world_.mechanisms()) m.ComputeLoadWrenches_W(pushed_W_.emplace_back());
+  RecordStartMotions();
   const StepReport report = world_.Step(step_options_);
   last_controls_moved_ = controls_move;
   last_base_rates_ = base_rates_;
@@ -102,8 +106,29 @@ StepReport Simulation::Step(bool controls_move) {
   if (report.finite) {  // else the state is that before the step
     last_controls_ = controls_;
     ++steps_;
+  } else {
+    start_motions_.clear();
   }
   return report;
+}
+
+void Simulation::RecordStartMotions() {
+  if (!records_start_motions_) return;
+  start_motions_.resize(bodies_.size());
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    BodyMotion& motion = start_motions_[i];
+    motion = {Pose(static_cast<int>(i)), Velocity(static_cast<int>(i)), Vector6::Zero()};
+    const SceneBody& b = bodies_[i];
+    if (b.mechanism < 0) {
+      const FreeBody& body = world_.free_bodies()[static_cast<std::size_t>(b.index)];
+      const Vector3 arm = body.center_W() - motion.X_WB.translation(), force = body.load().force_W;
+      motion.load_W << body.load().MomentAt(motion.X_WB.rotation()) + arm.cross(force), force;
+      continue;
+    }
+    const AppliedForces& load =
+        world_.mechanisms()[static_cast<std::size_t>(b.mechanism)].loads()[static_cast<std::size_t>(b.index)];
+    motion.load_W << load.MomentAt(motion.X_WB.rotation()), load.force_W;
+  }
 }
 
 void Simulation::PassControls(bool controls_move) {

@@ -113,6 +113,14 @@ VectorX Simulation::JointCoordinates(int mechanism) const {
   return m.configuration().q.segment(places_[i].first_coordinate, given_[i]->num_coordinates());
 }
 
+VectorX Simulation::JointRates(int mechanism) const {
+  internal::RequireIndex("mechanism", mechanism, places_.size());
+  const auto i = static_cast<std::size_t>(mechanism);
+  const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(places_[i].mechanism)];
+  const VectorX q_dot = m.configuration().Q_now * m.state().w;
+  return q_dot.segment(places_[i].first_coordinate, given_[i]->num_coordinates());
+}
+
 RigidTransform Simulation::BasePose(int mechanism) const {
   internal::RequireIndex("mechanism", mechanism, places_.size());
   const MechanismPlace& at = place(mechanism);
@@ -146,10 +154,9 @@ KeyframeDef Simulation::State() const {
   for (std::size_t i = 0; i < given_.size(); ++i) {
     const MechanismPlace& at = places_[i];
     const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(at.mechanism)];
-    const VectorX q_dot = m.configuration().Q_now * m.state().w;
     KeyframeDef::MechanismState s;
     s.q = JointCoordinates(static_cast<int>(i));
-    s.q_dot = q_dot.segment(at.first_coordinate, s.q.size());
+    s.q_dot = JointRates(static_cast<int>(i));
     s.X_WR = BasePose(static_cast<int>(i));
     s.V_R = BaseTwist(static_cast<int>(i));
     s.controls =

@@ -52,6 +52,7 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   base_rates_ = snapshot.base_rates;
   base_start_ = snapshot.base_start;
   pushed_W_.clear();
+  start_motions_.clear();
   ListBodies();
   return {};
 }

@@ -70,7 +70,7 @@ TEST(Compare, SaysWhatMuJoCoDoesDifferently) {
   // A file that asks for other laws gets other sentences.
   std::string text = FingerModel(
       "<tendon><spatial name='rope' rgba='1 0 0 1'><site site='s'/><site "
-      "site='t'/></spatial></tendon><sensor><jointpos joint='end'/></sensor>");
+      "site='t'/></spatial></tendon><sensor><user dim='1'/></sensor>");
   text.replace(text.find("<option "), 8, "<option cone='elliptic' noslip_iterations='3' ");
   text.replace(text.find("<geom name=\"floor\""), 0, "<site name='s'/><site name='t' pos='0 0 1'/>");
   const auto json = Fork1s(options + "--json " + Write("elliptic.xml", text)).Json();

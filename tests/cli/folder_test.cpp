@@ -12,7 +12,7 @@ TEST(InspectFolder, HasARowForEveryModelAndGoesOnAfterABadOne) {
     <body name="a"><joint name="ja" stiffness="1"/><geom size=".01" pos=".1 0 0"/>
       <body name="b" pos=".2 0 0"><joint name="jb" stiffness="1"/><geom size=".01" pos=".1 0 0"/></body></body>
     </worldbody><equality><joint joint1="jb" joint2="ja"/></equality>
-    <sensor><jointpos joint="ja"/></sensor></mujoco>)");
+    <sensor><jointpos joint="ja"/><user name="own" dim="1"/></sensor></mujoco>)");
   Write("robots/bad.xml", "<mujoco><worldbody><body wobble=\"1\"/></worldbody></mujoco>");
   Write("robots/part.xml", "<mujocoinclude><default/></mujocoinclude>");
   Write("robots/notes.txt", "no model");
@@ -27,7 +27,7 @@ TEST(InspectFolder, HasARowForEveryModelAndGoesOnAfterABadOne) {
   EXPECT_EQ(rows[1]["coordinates"], 2);
   EXPECT_EQ(rows[1]["reduced_coordinates"], 1);
   EXPECT_EQ(rows[1]["loops"], 1);
-  EXPECT_EQ(rows[1]["dropped"][0], "1 sensor");
+  EXPECT_EQ(rows[1]["dropped"][0], "sensor 'own'");
   EXPECT_EQ(rows[2]["ran"], "to the end");
   const Outcome text = Fork1s("inspect " + folder.string());
   ASSERT_EQ(text.code, 0);

@@ -205,12 +205,12 @@ TEST(ImportForces, WhatIsNotSimulatedIsListed) {
       <position name="clipped" joint="jc" kp="2" forcelimited="true" forcerange="-1 1"/>
       <general name="slow" joint="ja" dyntype="filter"/></actuator>
     <equality><tendon tendon1="t" tendon2="cable"/><joint name="off" joint1="ja" joint2="jb" active="false"/></equality>
-    <sensor><jointpos joint="ja"/><jointpos joint="jb"/></sensor>)")
+    <sensor><user dim="1"/><user dim="2"/></sensor>)")
           .replace(
               std::string(R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>)").size(),
               0, R"(<site name="s0"/><site name="s1" pos="1 0 0"/>)"));
   for (const char* part : {"'pull'", "'slow'", "'tips_over'", "tendon equality constraint",
-                           "inactive equality constraint 'off'", "2 sensors"}) {
+                           "inactive equality constraint 'off'", "2 x sensor"}) {
     EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, part)) << part;
   }
   ASSERT_EQ(loaded.scene.mechanisms[0].force_limits.size(), 1u);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/mechanism/definition.hpp>
+#include <fork1s/mechanism/sensor.hpp>
 #include <string>
 #include <utility>
 #include <vector>
@@ -47,6 +48,7 @@ struct Scene {
       excluded_pairs;                         // bodies that never touch; "world" is the world
   std::vector<ContactPairDef> contact_pairs;  // shapes that touch by a law of their own
   std::vector<KeyframeDef> keyframes;
+  std::vector<SensorDef> sensors;  // in the order of the file; names differ
 };
 
 }  // namespace fork1s

@@ -33,6 +33,15 @@ struct SceneBody {
   int given = -1;  // mechanism of scene() that it is of; -1: a free body, held or not
 };
 
+/// How a body starts a step.
+struct BodyMotion {
+  RigidTransform X_WB;
+  Vector6 V_W = Vector6::Zero();  // [ω_W; velocity of its origin]
+  /// Of ApplyWrench in the step: [moment about the origin of the body; force], N·m and
+  /// N, world axes.
+  Vector6 load_W = Vector6::Zero();
+};
+
 /// Steps a scene. Inputs hold until changed; poses are those after the last step. Functions throw
 /// std::invalid_argument, and change nothing, for indices and names that there are not, names that several
 /// bodies or controls have, and numbers that are not finite; the message names function, value and remedy.
@@ -92,6 +101,8 @@ class Simulation {
   Vector6 BaseTwist(int mechanism) const;
   /// Joint displacements of a mechanism in the order of its definition in scene(), what it holds left out.
   VectorX JointCoordinates(int mechanism) const;
+  /// Their rates.
+  VectorX JointRates(int mechanism) const;
   /// Names of the joint coordinates of all mechanisms, in that order.
   std::vector<std::string> CoordinateNames() const;
   /// Place in bodies() of a body of world(): of a mechanism, or -1 and a free body.
@@ -138,6 +149,9 @@ class Simulation {
   void Poses(std::vector<RigidTransform>& X_WB) const;
   /// Twist of a body [ω_W; velocity of its origin], world axes.
   Vector6 Velocity(int body) const;
+  /// Motions of all bodies at the start of the last step, in scenes whose sensors need them: those of
+  /// accelerations and of forces between bodies. Empty before the first step and after Restore.
+  const std::vector<BodyMotion>& start_motions() const { return start_motions_; }
   /// Force [N] and moment [N·m], constant in world axes during the next step only. The force acts at the
   /// point of the body that is at `point_W` now.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
@@ -195,6 +209,7 @@ class Simulation {
   void ListWarnings();
   void PassControls(bool controls_move);
   void CollectPointSprings();
+  void RecordStartMotions();
 
   std::vector<std::string> warnings_;
   std::vector<std::vector<std::string>> own_warnings_;  // of each mechanism while it held nothing
@@ -219,6 +234,8 @@ class Simulation {
   std::vector<RigidTransform> base_start_;  // per mechanism
   std::vector<Matrix6X>
       pushed_W_;  // wrenches of the last step, as world_ counts; empty where nothing is held
+  bool records_start_motions_ = false;
+  std::vector<BodyMotion> start_motions_;
   std::vector<SceneBody> bodies_;
   std::vector<std::vector<int>>
       body_of_;  // places in bodies_ by body of world_: of free ones, then of mechanisms

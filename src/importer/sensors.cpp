@@ -1,0 +1,398 @@
+// Sensors of MJCF: what each measures, of which body, joint or length.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <tuple>
+
+#include "conversion.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// A sensor that has no value here.
+SensorDef Unknown(SensorDef s, std::string reason) {
+  s.kind = SensorKind::kUnknown;
+  s.reason = std::move(reason);
+  return s;
+}
+
+SensorBody PlaceOf(const Conversion& c, int body) {
+  const BodyPlace& place = c.body[body];
+  return {place.mechanism, place.body, place.free_body};
+}
+
+// Pose of a frame that is fixed to a body of the file, in what that body became.
+SensorFrame OnBody(const Conversion& c, int body, const RigidTransform& X_BF) {
+  SensorFrame frame{PlaceOf(c, body), X_BF};
+  if (frame.body.is_world())
+    frame.X_BF = c.WorldPose(body) * X_BF;
+  else if (frame.body.free_body >= 0)
+    frame.X_BF = c.scene.free_bodies[static_cast<std::size_t>(frame.body.free_body)].X_WB.inverse() *
+                 c.WorldPose(body) * X_BF;
+  return frame;
+}
+
+std::optional<SensorFrame> FrameOf(const Conversion& c, int type, int id) {
+  const mjModel& m = c.m;
+  const auto on = [&](int body, const mjtNum* pos, const mjtNum* quat) {
+    return OnBody(c, body, RigidTransform(Quat(quat + 4 * id).normalized(), Vec3(pos + 3 * id)));
+  };
+  switch (type) {
+    case mjOBJ_BODY:
+      return on(id, m.body_ipos, m.body_iquat);
+    case mjOBJ_XBODY:
+      return OnBody(c, id, RigidTransform());
+    case mjOBJ_GEOM:
+      return on(m.geom_bodyid[id], m.geom_pos, m.geom_quat);
+    case mjOBJ_SITE:
+      return on(m.site_bodyid[id], m.site_pos, m.site_quat);
+    case mjOBJ_CAMERA:
+      if (m.cam_mode[id] != mjCAMLIGHT_FIXED) return std::nullopt;
+      return on(m.cam_bodyid[id], m.cam_pos, m.cam_quat);
+    default:
+      return std::nullopt;
+  }
+}
+
+bool IsBelow(const mjModel& m, int body, int ancestor) {
+  while (body > ancestor) body = m.body_parentid[body];
+  return body == ancestor;
+}
+
+// What a body and all that hangs on it became; nothing where the scene does not have it apart.
+std::optional<std::vector<SensorBody>> SubtreeOf(const Conversion& c, int top) {
+  const mjModel& m = c.m;
+  std::vector<SensorBody> bodies;
+  for (int b = 0; b < m.nbody; ++b) {
+    if (!IsBelow(m, b, top)) continue;
+    const SensorBody place = PlaceOf(c, b);
+    if (place.is_world()) {
+      if (m.body_mass[b] > 0) return std::nullopt;
+      continue;
+    }
+    if (place.free_body >= 0 &&
+        c.scene.free_bodies[static_cast<std::size_t>(place.free_body)].name != c.body_names[b]) {
+      // Part of a free body, which is whole only where its top is in the subtree too.
+      if (IsBelow(m, top, m.body_rootid[b]) && top != m.body_rootid[b]) return std::nullopt;
+      continue;
+    }
+    bodies.push_back(place);
+  }
+  return bodies;
+}
+
+// Fills what measures a length. False where it hangs on what is no joint of one mechanism.
+bool PutLengthOf(Conversion& c, const Length& length, const std::vector<int>& bodies, SensorDef& s) {
+  s.at_reference = length.at_reference;
+  for (const auto& [dof, coefficient] : length.terms) {
+    const int mechanism = c.MechanismOf(dof);
+    if (mechanism < 0 || (s.mechanism >= 0 && mechanism != s.mechanism)) return false;
+    s.mechanism = mechanism;
+  }
+  for (const int b : bodies)
+    if (!c.body[b].still() && c.body[b].mechanism != s.mechanism) return false;
+  if (s.mechanism >= 0) c.PutLength(length, s);
+  return true;
+}
+
+constexpr const char* kNotOfOneMechanism =
+    "its length hangs on a free body or a floating base, or on several mechanisms";
+
+SensorDef LengthSensor(Conversion& c, SensorDef s, SensorKind kind, int type, int id) {
+  const mjModel& m = c.m;
+  s.kind = kind;
+  bool is_known = false;
+  if (type == mjOBJ_JOINT) {
+    Length length;
+    length.terms = {{m.jnt_dofadr[id], 1.0}};
+    length.at_reference = m.qpos0[m.jnt_qposadr[id]];
+    is_known = PutLengthOf(c, length, {}, s);
+  } else if (type == mjOBJ_TENDON) {
+    is_known = PutLengthOf(c, TendonLength(m, c.d, id), BodiesOfTendon(m, id), s);
+  } else {
+    const int on = m.actuator_trntype[id];
+    if (on == mjTRN_BODY) return Unknown(std::move(s), "actuators on bodies are not simulated");
+    const std::vector<int> bodies =
+        on == mjTRN_TENDON ? BodiesOfTendon(m, m.actuator_trnid[2 * id]) : BodiesOfActuator(m, id);
+    is_known = PutLengthOf(c, ActuatorLength(m, c.d, id), bodies, s);
+  }
+  return is_known ? s : Unknown(std::move(s), kNotOfOneMechanism);
+}
+
+SensorDef LimitSensor(Conversion& c, SensorDef s, SensorKind kind, int type, int id) {
+  const mjModel& m = c.m;
+  s = LengthSensor(c, std::move(s), kind, type, id);
+  const bool is_joint = type == mjOBJ_JOINT;
+  const bool is_limited = is_joint ? m.jnt_limited[id] : m.tendon_limited[id];
+  if (!is_limited || (m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT))) return s;
+  if (is_joint && m.jnt_type[id] == mjJNT_BALL)
+    return Unknown(std::move(s), "a cone limit of a ball joint is not simulated");
+  std::tie(s.lower, s.upper) = is_joint ? LimitedRange(m.jnt_range + 2 * id, m.jnt_margin[id])
+                                        : LimitedRange(m.tendon_range + 2 * id, m.tendon_margin[id]);
+  return s;
+}
+
+SensorDef BallSensor(const Conversion& c, SensorDef s, SensorKind kind, int joint) {
+  s.kind = kind;
+  s.mechanism = c.joint[joint].mechanism;
+  if (s.mechanism < 0) return Unknown(std::move(s), "its joint is no joint of a mechanism here");
+  for (int i = 0; i < 3; ++i) s.terms.emplace_back(FreedomRef{c.joint[joint].joint, i}, 1.0);
+  return s;
+}
+
+SensorDef FrameSensor(const Conversion& c, SensorDef s, SensorKind kind, int i, bool own_axes) {
+  const mjModel& m = c.m;
+  s.kind = kind;
+  s.own_axes = own_axes;
+  constexpr const char* kCamera = "it is of a camera that turns by itself";
+  const auto frame = FrameOf(c, m.sensor_objtype[i], m.sensor_objid[i]);
+  if (!frame) return Unknown(std::move(s), kCamera);
+  s.frame = *frame;
+  if (m.sensor_refid[i] < 0) return s;
+  const auto reference = FrameOf(c, m.sensor_reftype[i], m.sensor_refid[i]);
+  if (!reference) return Unknown(std::move(s), kCamera);
+  s.reference = *reference;
+  return s;
+}
+
+SensorDef SubtreeSensor(const Conversion& c, SensorDef s, SensorKind kind, int body) {
+  s.kind = kind;
+  const auto subtree = SubtreeOf(c, body);
+  if (!subtree)
+    return Unknown(std::move(s), "the masses of still bodies and of parts of a free body are not kept apart");
+  s.subtree = *subtree;
+  return s;
+}
+
+// The force between a body and what carries it.
+SensorDef CutSensor(const Conversion& c, SensorDef s, SensorKind kind, int i) {
+  const int body = c.m.site_bodyid[c.m.sensor_objid[i]];
+  s = FrameSensor(c, std::move(s), kind, i, true);
+  const auto subtree = SubtreeOf(c, body);
+  if (!subtree || s.frame.body.is_world())
+    return Unknown(std::move(s), "the masses of still bodies and of parts of a free body are not kept apart");
+  s.subtree = *subtree;
+  if (s.frame.body.mechanism < 0) return s;
+  const auto is_inside = [&](BodyIndex b) {
+    return std::any_of(s.subtree.begin(), s.subtree.end(),
+                       [&](const SensorBody& of) { return of.body == b; });
+  };
+  const MechanismDef& mechanism = c.scene.mechanisms[static_cast<std::size_t>(s.frame.body.mechanism)];
+  for (const ClosureDef& closure : mechanism.closures)
+    if (is_inside(closure.body_a) != is_inside(closure.body_b))
+      return Unknown(std::move(s), fmt::format("'{}' closes a loop over its body", closure.name));
+  return s;
+}
+
+SensorDef TouchSensor(const Conversion& c, SensorDef s, int i) {
+  const mjModel& m = c.m;
+  const int site = m.sensor_objid[i];
+  const mjtNum* size = m.site_size + 3 * site;
+  s = FrameSensor(c, std::move(s), SensorKind::kTouch, i, true);
+  switch (m.site_type[site]) {
+    case mjGEOM_SPHERE:
+      s.volume = Sphere{size[0]};
+      return s;
+    case mjGEOM_CAPSULE:
+      s.volume = Capsule{size[0], size[1]};
+      return s;
+    case mjGEOM_CYLINDER:
+      s.volume = Cylinder{size[0], size[1]};
+      return s;
+    case mjGEOM_ELLIPSOID:
+      s.volume = Ellipsoid{Vec3(size)};
+      return s;
+    case mjGEOM_BOX:
+      s.volume = Box{Vec3(size)};
+      return s;
+    default:
+      return Unknown(std::move(s), "a site of this shape has no volume");
+  }
+}
+
+SensorDef LimitForceSensor(Conversion& c, SensorDef s, int joint) {
+  if (c.m.jnt_type[joint] == mjJNT_BALL)
+    return Unknown(std::move(s), "a cone limit of a ball joint is not simulated");
+  return LengthSensor(c, std::move(s), SensorKind::kLimitForce, mjOBJ_JOINT, joint);
+}
+
+// The law of an actuator; nothing where proportional-derivative control has taken its place.
+std::optional<SensorActuator> ActuatorOf(Conversion& c, const LinearActuator& a) {
+  SensorActuator actuator;
+  actuator.mechanism = c.MechanismOf(a.length.terms[0].first);
+  const auto& controls = c.controls[static_cast<std::size_t>(actuator.mechanism)];
+  for (const ActuatorInput& input : a.inputs) {
+    if (std::none_of(controls.begin(), controls.end(),
+                     [&](const ControlSource& source) { return source.ctrl == input.ctrl; }))
+      return std::nullopt;
+    actuator.inputs.emplace_back(input.name, input.gain);
+  }
+  c.PutLength(a.length, actuator);
+  actuator.at_reference = a.length.at_reference;
+  actuator.stiffness = -a.b1;
+  actuator.damping = -a.b2;
+  actuator.bias = a.b0;
+  if (c.m.actuator_forcelimited[a.actuator]) {
+    actuator.lower = c.m.actuator_forcerange[2 * a.actuator];
+    actuator.upper = c.m.actuator_forcerange[2 * a.actuator + 1];
+  }
+  return actuator;
+}
+
+constexpr const char* kNoLaw = "its actuator is not simulated as the file has it";
+
+SensorDef ActuatorForceSensor(Conversion& c, SensorDef s, int id) {
+  s.kind = SensorKind::kActuatorForce;
+  if (c.m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
+  for (const LinearActuator& a : LinearActuators(c.m, c.d)) {
+    if (a.actuator != id || !a.left_out.empty()) continue;
+    if (auto actuator = ActuatorOf(c, a)) {
+      s.mechanism = actuator->mechanism;
+      s.actuators.push_back(std::move(*actuator));
+      return s;
+    }
+  }
+  return Unknown(std::move(s), kNoLaw);
+}
+
+SensorDef JointActuatorForceSensor(Conversion& c, SensorDef s, int joint) {
+  const mjModel& m = c.m;
+  s = LengthSensor(c, std::move(s), SensorKind::kJointActuatorForce, mjOBJ_JOINT, joint);
+  if (s.kind == SensorKind::kUnknown) return s;
+  if (m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
+  const int dof = m.jnt_dofadr[joint];
+  const auto acts = [&](const Length& length) {
+    return std::any_of(length.terms.begin(), length.terms.end(),
+                       [&](const auto& term) { return term.first == dof; });
+  };
+  const std::vector<LinearActuator> laws = LinearActuators(m, c.d);
+  for (int i = 0; i < m.nactuator; ++i) {
+    if (!acts(ActuatorLength(m, c.d, i))) continue;
+    const auto law = std::find_if(laws.begin(), laws.end(), [&](const auto& a) { return a.actuator == i; });
+    auto actuator = law == laws.end() || !law->left_out.empty() ? std::nullopt : ActuatorOf(c, *law);
+    if (!actuator) return Unknown(std::move(s), kNoLaw);
+    s.actuators.push_back(std::move(*actuator));
+  }
+  if (m.jnt_actfrclimited[joint]) {
+    s.lower = m.jnt_actfrcrange[2 * joint];
+    s.upper = m.jnt_actfrcrange[2 * joint + 1];
+  }
+  return s;
+}
+
+SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {
+  const mjModel& m = c.m;
+  const int type = m.sensor_objtype[i], id = m.sensor_objid[i];
+  using K = SensorKind;
+  switch (m.sensor_type[i]) {
+    case mjSENS_JOINTPOS:
+    case mjSENS_TENDONPOS:
+    case mjSENS_ACTUATORPOS:
+      return LengthSensor(c, std::move(s), K::kLength, type, id);
+    case mjSENS_JOINTVEL:
+    case mjSENS_TENDONVEL:
+    case mjSENS_ACTUATORVEL:
+      return LengthSensor(c, std::move(s), K::kLengthRate, type, id);
+    case mjSENS_JOINTLIMITPOS:
+    case mjSENS_TENDONLIMITPOS:
+      return LimitSensor(c, std::move(s), K::kLimitDistance, type, id);
+    case mjSENS_JOINTLIMITVEL:
+    case mjSENS_TENDONLIMITVEL:
+      return LimitSensor(c, std::move(s), K::kLimitRate, type, id);
+    case mjSENS_BALLQUAT:
+      return BallSensor(c, std::move(s), K::kBallRotation, id);
+    case mjSENS_BALLANGVEL:
+      return BallSensor(c, std::move(s), K::kBallAngularVelocity, id);
+    case mjSENS_FRAMEPOS:
+      return FrameSensor(c, std::move(s), K::kPosition, i, false);
+    case mjSENS_FRAMEQUAT:
+      return FrameSensor(c, std::move(s), K::kRotation, i, false);
+    case mjSENS_FRAMEXAXIS:
+      return FrameSensor(c, std::move(s), K::kXAxis, i, false);
+    case mjSENS_FRAMEYAXIS:
+      return FrameSensor(c, std::move(s), K::kYAxis, i, false);
+    case mjSENS_FRAMEZAXIS:
+      return FrameSensor(c, std::move(s), K::kZAxis, i, false);
+    case mjSENS_FRAMELINVEL:
+      return FrameSensor(c, std::move(s), K::kVelocity, i, false);
+    case mjSENS_FRAMEANGVEL:
+      return FrameSensor(c, std::move(s), K::kAngularVelocity, i, false);
+    case mjSENS_VELOCIMETER:
+      return FrameSensor(c, std::move(s), K::kVelocity, i, true);
+    case mjSENS_GYRO:
+      return FrameSensor(c, std::move(s), K::kAngularVelocity, i, true);
+    case mjSENS_MAGNETOMETER:
+      s.field_W = Vec3(m.opt.magnetic);
+      return FrameSensor(c, std::move(s), K::kMagneticField, i, true);
+    case mjSENS_SUBTREECOM:
+      return SubtreeSensor(c, std::move(s), K::kSubtreeCenter, id);
+    case mjSENS_SUBTREELINVEL:
+      return SubtreeSensor(c, std::move(s), K::kSubtreeVelocity, id);
+    case mjSENS_SUBTREEANGMOM:
+      return SubtreeSensor(c, std::move(s), K::kSubtreeAngularMomentum, id);
+    case mjSENS_ACCELEROMETER:
+      return FrameSensor(c, std::move(s), K::kAcceleration, i, true);
+    case mjSENS_FRAMELINACC:
+      return FrameSensor(c, std::move(s), K::kAcceleration, i, false);
+    case mjSENS_FRAMEANGACC:
+      return FrameSensor(c, std::move(s), K::kAngularAcceleration, i, false);
+    case mjSENS_FORCE:
+      return CutSensor(c, std::move(s), K::kForce, i);
+    case mjSENS_TORQUE:
+      return CutSensor(c, std::move(s), K::kTorque, i);
+    case mjSENS_TOUCH:
+      return TouchSensor(c, std::move(s), i);
+    case mjSENS_JOINTLIMITFRC:
+      return LimitForceSensor(c, std::move(s), id);
+    case mjSENS_ACTUATORFRC:
+      return ActuatorForceSensor(c, std::move(s), id);
+    case mjSENS_JOINTACTFRC:
+      return JointActuatorForceSensor(c, std::move(s), id);
+    case mjSENS_CLOCK:
+      s.kind = K::kTime;
+      return s;
+    case mjSENS_E_KINETIC:
+      s.kind = K::kKineticEnergy;
+      return s;
+    case mjSENS_USER:
+      return Unknown(std::move(s), "a program of the user computes it");
+    case mjSENS_PLUGIN:
+      return Unknown(std::move(s), "a plugin computes it");
+    default:
+      return Unknown(std::move(s), "this kind is not computed here");
+  }
+}
+
+}  // namespace
+
+void ConvertSensors(Conversion& c) {
+  const mjModel& m = c.m;
+  if (m.nsensor > 0 && (m.opt.disableflags & mjDSBL_SENSOR)) {
+    c.Dropped(m.nsensor == 1 ? "1 sensor" : fmt::format("{} sensors", m.nsensor),
+              "sensors are switched off in <option>");
+    return;
+  }
+  std::map<std::string, std::vector<std::string>> unknown;
+  std::vector<std::string> noisy, late;
+  for (int i = 0; i < m.nsensor; ++i) {
+    SensorDef s;
+    s.name = c.sensor_names[static_cast<std::size_t>(i)];
+    s.size = m.sensor_dim[i];
+    const int data = m.sensor_datatype[i];
+    if (const double cutoff = m.sensor_cutoff[i]; cutoff > 0) {
+      if (data == mjDATATYPE_REAL || data == mjDATATYPE_POSITIVE) s.clip_upper = cutoff;
+      if (data == mjDATATYPE_REAL) s.clip_lower = -cutoff;
+    }
+    if (m.sensor_noise[i] > 0) noisy.push_back(s.name);
+    if (m.sensor_delay[i] > 0 || m.sensor_interval[2 * i] > 0) late.push_back(s.name);
+    s = ConvertSensor(c, std::move(s), i);
+    if (s.kind == SensorKind::kUnknown) unknown[s.reason].push_back(s.name);
+    c.scene.sensors.push_back(std::move(s));
+  }
+  for (const auto& [reason, names] : unknown) c.DroppedMany("sensor", names, reason + "; its value is NaN");
+  c.DroppedMany("noise of sensor", noisy, "values are exact");
+  c.DroppedMany("delay and interval of sensor", late, "values are those at the end of each step");
+}
+
+}  // namespace fork1s::internal
