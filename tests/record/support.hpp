@@ -263,6 +263,34 @@ inline Scene SceneWithEverything(unsigned seed) {
   }
   key.free_bodies.push_back({random.Pose(1), random.InBox(1), random.InBox(1)});
   scene.keyframes.push_back(key);
+  SensorDef sensor;
+  sensor.name = "sensor";
+  sensor.kind = SensorKind::kJointActuatorForce;
+  sensor.size = random.Below(4);
+  sensor.frame = {{1, BodyIndex(random.Below(3)), -1}, random.Pose(1)};
+  sensor.reference = {{-1, {}, 1}, random.Pose(1)};
+  sensor.own_axes = random.Chance(0.5);
+  sensor.subtree = {sensor.frame.body, sensor.reference.body};
+  sensor.mechanism = random.Below(3);
+  sensor.terms = {{{JointIndex(0), 0}, random.Uniform(-1, 1)}};
+  sensor.along = {1, random.Uniform(0, 1)};
+  sensor.at_reference = random.Uniform(-1, 1);
+  sensor.upper = random.Uniform(0, 1);
+  sensor.volume = Box{random.InBox(1)};
+  sensor.field_W = random.InBox(1);
+  sensor.actuators = {{random.Below(3),
+                       sensor.terms,
+                       {0, -0.5},
+                       random.Uniform(-1, 1),
+                       {{"control", random.Uniform(-1, 1)}},
+                       random.Uniform(0, 1),
+                       random.Uniform(0, 1),
+                       random.Uniform(-1, 1),
+                       -random.Uniform(0, 1),
+                       random.Uniform(0, 1)}};
+  sensor.clip_lower = -random.Uniform(0, 1);
+  sensor.reason = "none";
+  scene.sensors = {sensor, {}};
   return scene;
 }
 

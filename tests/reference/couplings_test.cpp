@@ -1,8 +1,9 @@
-// Linear couplings of several joints: a differential in closed form, and random trees.
+// Linear couplings of several joints: a differential, and random trees by both simulators.
 #include <fmt/format.h>
 
 #include <cmath>
 #include <fork1s/importer/importer.hpp>
+#include <fork1s/sim/simulation.hpp>
 #include <numeric>
 #include <random_mechanism.hpp>
 
@@ -50,11 +51,21 @@ double OscillatorAt(double t, double inertia, double damping, double set_point) 
 }
 
 // Displacements at the end: of joints named in order.
-Vector4 EndOf(const Scene& scene, double seconds, double h, double u1, double u2) {
+Vector4 EndOf(const Scene& scene, double seconds, double h, bool reduced, double u1, double u2) {
   const char* const names[] = {"m1", "m2", "pitch", "roll"};
   VectorX q;
   const auto mechanism = testing::Share(scene.mechanisms[0]);
-  {
+  if (reduced) {
+    SimulationOptions options;
+    options.dt = h;
+    options.step.integrator = Integrator::kTwoStage;
+    auto simulation = Simulation::Create(scene, options);
+    if (!simulation) throw std::runtime_error(simulation.error().Text());
+    simulation->SetControl("p1", u1);
+    simulation->SetControl("p2", u2);
+    for (int i = 0; i < static_cast<int>(std::lround(seconds / h)); ++i) simulation->Step();
+    q = simulation->JointCoordinates(0);
+  } else {
     FullSimulation full = Start(scene, h, FullIntegrator::kTwoStages);
     full.SetControl(full.FindControl("p1"), u1);
     full.SetControl(full.FindControl("p2"), u2);
@@ -75,9 +86,10 @@ TEST(Couplings, Differential_FollowsItsClosedForm) {
   const Vector4 expected(pitch + roll, pitch - roll, pitch, roll);
   const Scene scene = ImportDifferential(kDamping);
   ASSERT_EQ(scene.mechanisms.size(), 1u);
-  {
-    const double coarse = (EndOf(scene, kSeconds, 1.0 / 480, kU1, kU2) - expected).norm(),
-                 fine = (EndOf(scene, kSeconds, 1.0 / 960, kU1, kU2) - expected).norm();
+  for (const bool reduced : {true, false}) {
+    SCOPED_TRACE(reduced ? "reduced" : "full");
+    const double coarse = (EndOf(scene, kSeconds, 1.0 / 480, reduced, kU1, kU2) - expected).norm(),
+                 fine = (EndOf(scene, kSeconds, 1.0 / 960, reduced, kU1, kU2) - expected).norm();
     // Of second order with an error of about (ω h)² of a swing: ω is 20 rad/s, so 2e-3 at the longer step.
     EXPECT_LT(coarse, 2e-3);
     EXPECT_GT(coarse / fine, 3.4);
@@ -86,8 +98,8 @@ TEST(Couplings, Differential_FollowsItsClosedForm) {
 
 TEST(Couplings, Differential_RestsWhereItsServosPutIt) {
   const Scene scene = ImportDifferential(0.3);
-  {
-    const Vector4 end = EndOf(scene, 5, 1.0 / 60, 0.8, 0.2);
+  for (const bool reduced : {true, false}) {
+    const Vector4 end = EndOf(scene, 5, 1.0 / 60, reduced, 0.8, 0.2);
     // exp(-0.3 t / I) of the slower one, 1e-11 after 5 s, and rounding.
     EXPECT_LT((end - Vector4(0.8, 0.2, 0.5, 0.3)).cwiseAbs().maxCoeff(), 1e-8) << end.transpose();
   }
@@ -134,7 +146,7 @@ double WorstCoupling(const MechanismDef& def, const VectorX& q) {
   return worst;
 }
 
-TEST(Couplings, OfRandomTrees_HoldAfterEachStep_AndKeepEnergy) {
+TEST(Couplings, OfRandomTrees_HoldAfterEachStep_KeepEnergy_InBothSimulators) {
   for (unsigned seed = 0; seed < 12; ++seed) {
     SCOPED_TRACE(seed);
     const auto mechanism = testing::Share(RandomCoupled(seed));
@@ -151,18 +163,34 @@ TEST(Couplings, OfRandomTrees_HoldAfterEachStep_AndKeepEnergy) {
         q_dot(c.a.joint.value()) += coefficient * q_dot(ref.joint.value());
     }
     StartAt(scene, VectorX::Zero(n), q_dot);
-    double off[2] = {};  // of the energy at the start
+    double apart[2], off[2] = {}, off_full[2] = {};  // of energies at the start
     for (const int halved : {0, 1}) {
-      FullSimulation full = Start(scene, 1.0 / (480 << halved), FullIntegrator::kTwoStages);
-      const double start = full.Energy();
+      const double h = 1.0 / (480 << halved);
+      FullSimulation full = Start(scene, h, FullIntegrator::kTwoStages);
+      SimulationOptions options;
+      options.dt = h;
+      options.initial_keyframe = 0;
+      options.step.integrator = Integrator::kTwoStage;
+      auto simulation = Simulation::Create(scene, options);
+      ASSERT_TRUE(simulation) << simulation.error().Text();
+      const double start = simulation->Energy(), start_full = full.Energy();
       for (int i = 0; i < 60 << halved; ++i) {
         ASSERT_TRUE(full.Step().converged);
+        simulation->Step();
         ASSERT_LT(WorstCoupling(def, full.Displacements(0)), 1e-12) << i;  // rounding
-        off[halved] = std::max(off[halved], std::abs(full.Energy() / start - 1));
+        ASSERT_LT(WorstCoupling(def, simulation->JointCoordinates(0)), 1e-12) << i;
+        off[halved] = std::max(off[halved], std::abs(simulation->Energy() / start - 1));
+        off_full[halved] = std::max(off_full[halved], std::abs(full.Energy() / start_full - 1));
       }
+      EXPECT_NEAR(start, start_full, 1e-12 * start);
+      apart[halved] = (full.Displacements(0) - simulation->JointCoordinates(0)).norm();
     }
-    // Nothing damps or drives: what is lost or gained is the step's error, of second order or higher.
+    // Their steps are of second order with errors of their own, so the difference falls by four.
+    EXPECT_LT(apart[0], 1e-2);
+    EXPECT_LT(apart[1], 0.35 * apart[0] + 1e-9);
+    // Nothing damps or drives: what is lost or gained is the step's error.
     EXPECT_LT(off[1], 0.3 * off[0] + 1e-12) << off[0];
+    EXPECT_LT(off_full[1], 0.3 * off_full[0] + 1e-12) << off_full[0];
   }
 }
 

@@ -31,6 +31,7 @@ from ._core import (
     PointStiffness,
     RayHit,
     RecoveryBuffers,
+    Sensors,
     Simulation,
     Statics,
     StepReport,
@@ -80,6 +81,7 @@ __all__ = [
     "RayHit",
     "RecoveryBuffers",
     "Replay",
+    "Sensors",
     "Simulation",
     "Statics",
     "StepReport",
@@ -103,6 +105,7 @@ __all__ = [
 ]
 
 _collections_abc.Mapping.register(Controls)
+_collections_abc.Mapping.register(Sensors)
 
 
 def __getattr__(name: str) -> _typing.Any:

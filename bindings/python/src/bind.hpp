@@ -16,6 +16,7 @@ void BindLinearize(nanobind::module_& m, nanobind::class_<Runner>& simulation);
 void BindSnapshot(nanobind::module_& m);
 void BindSimulation(nanobind::module_& m);
 void BindControls(nanobind::module_& m);
+void BindSensors(nanobind::module_& m);
 void BindBatch(nanobind::module_& m);
 void BindCompare(nanobind::module_& m);
 void BindShow(nanobind::module_& m);

@@ -243,6 +243,9 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               [](Runner& r) { return r.With([](Simulation& s) { return s.CoordinateNames(); }); },
               "Names of the n joint coordinates.")
           .def_prop_ro(
+              "sensors", [](Runner& r) { return r.ReadSensors(); },
+              "What the sensors of the file measure at the end of the last step, by name (`Sensors`).")
+          .def_prop_ro(
               "contacts", [](Runner& r) { return ToArray(r.With(Contacts)); },
               "Structured array of the contacts that bear force: `fork1s.CONTACT` has the fields.",
               nb::sig("def contacts(self) -> numpy.typing.NDArray[numpy.void]"))

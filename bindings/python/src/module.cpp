@@ -16,6 +16,7 @@ NB_MODULE(_core, m) {
   BindReduction(m);
   BindLoad(m);
   BindControls(m);
+  BindSensors(m);
   BindSimulation(m);
   BindRecovery(m);
   BindBatch(m);

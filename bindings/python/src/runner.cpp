@@ -106,6 +106,7 @@ void Runner::SetState(KeyframeDef state) {
   }
   time_before_ += simulation_.time();
   simulation_ = std::move(next);
+  sensors_.reset();
 }
 
 void Runner::DropRecordingOfParent() {
@@ -155,6 +156,7 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness);
   Simulation next = Take(Continue(simulation_, std::move(scene)), model_->origin());
   simulation_ = std::move(next);
+  sensors_.reset();
 }
 
 std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& direction, double reach) {
@@ -195,6 +197,30 @@ int Runner::FindBody(const std::string& name) {
   const int body = With([&](Simulation& s) { return s.FindBody(name); });
   if (body < 0) RefuseName("body", name, model_->BodyNames());
   return body;
+}
+
+SensorValues Runner::ReadSensors() {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  if (sensors_)
+    sensors_->Update(simulation_);
+  else
+    sensors_.emplace(simulation_);
+  SensorValues read;
+  for (int i = 0; i < sensors_->count(); ++i) {
+    const SensorDef& sensor = sensors_->definition(i);
+    const std::span<const double> values = (*sensors_)[i];
+    read.names.push_back(sensor.name);
+    read.reasons.push_back(sensor.reason);
+    read.first.push_back(read.values.size());
+    read.values.insert(read.values.end(), values.begin(), values.end());
+    // Since the beginning, also of the simulation that a state set in between has replaced.
+    if (sensor.kind == SensorKind::kTime)
+      read.values.back() =
+          std::clamp(time_before_ + simulation_.time(), sensor.clip_lower, sensor.clip_upper);
+  }
+  read.first.push_back(read.values.size());
+  return read;
 }
 
 int Runner::FindControl(const std::string& name) {

@@ -3,6 +3,7 @@
 
 #include <fork1s/record/recording.hpp>
 #include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/sim/tally.hpp>
 #include <map>
@@ -13,6 +14,7 @@
 
 #include "model.hpp"
 #include "released_gil.hpp"
+#include "sensor_values.hpp"
 
 namespace fork1s::python {
 
@@ -85,6 +87,8 @@ class Runner {
   void SetStiffness(const std::map<std::string, double>& stiffness);
   /// The first body along a ray, world frame; none within `reach` [m].
   std::optional<BodyHit> Ray(const Vector3& origin, const Vector3& direction, double reach);
+  /// At the present state.
+  SensorValues ReadSensors();
   /// s since the beginning, through all states that were set.
   double Time();
   void AddPush(const Push& push);
@@ -119,6 +123,7 @@ class Runner {
   FairMutex mutex_;
   Simulation simulation_;
   std::optional<RayCaster> rays_;  // when first asked for
+  std::optional<Sensors> sensors_;
   std::unique_ptr<Recorder> recorder_;
   int recorder_generation_ = 0;  // of the process that began it
   std::string recording_;        // the file of the last recording

@@ -1,0 +1,89 @@
+// sim.sensors: a mapping from names to measured values.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+
+#include "arguments.hpp"
+#include "arrays.hpp"
+#include "bind.hpp"
+#include "errors.hpp"
+#include "sensor_values.hpp"
+
+namespace fork1s::python {
+namespace {
+
+Array ValueOf(const SensorValues& s, std::size_t sensor) {
+  return ToArray(std::vector<double>(s.values.begin() + static_cast<std::ptrdiff_t>(s.first[sensor]),
+                                     s.values.begin() + static_cast<std::ptrdiff_t>(s.first[sensor + 1])));
+}
+
+Array Get(const SensorValues& s, const std::string& name) {
+  const auto at = std::find(s.names.begin(), s.names.end(), name);
+  if (at == s.names.end()) RefuseName("sensor", name, s.names);
+  return ValueOf(s, static_cast<std::size_t>(at - s.names.begin()));
+}
+
+std::map<std::string, std::string> Reasons(const SensorValues& s) {
+  std::map<std::string, std::string> reasons;
+  for (std::size_t i = 0; i < s.names.size(); ++i)
+    if (!s.reasons[i].empty()) reasons[s.names[i]] = s.reasons[i];
+  return reasons;
+}
+
+}  // namespace
+
+void BindSensors(nb::module_& m) {
+  auto type =
+      nb::class_<SensorValues>(m, "Sensors", R"(Sensors of the file by name, read-only: `sim.sensors["gyro"]`.
+
+Values are those of the moment at which `sim.sensors` was asked for; each is an array (k,) in the units of MJCF. A
+sensor that has no value is NaN, and `missing` says why. Raises UnknownNameError (a KeyError).)")
+          .def("__getitem__", Get, nb::arg("name"),
+               nb::sig("def __getitem__(self, name: str) -> numpy.typing.NDArray[numpy.float64]"))
+          .def("__len__", [](const SensorValues& s) { return s.names.size(); })
+          .def(
+              "__contains__",
+              [](const SensorValues& s, const nb::object& given) {
+                std::string name;
+                return nb::try_cast(given, name) &&
+                       std::find(s.names.begin(), s.names.end(), name) != s.names.end();
+              },
+              nb::arg("name"))
+          .def(
+              "__iter__", [](const SensorValues& s) { return nb::iter(nb::cast(s.names)); },
+              nb::sig("def __iter__(self) -> collections.abc.Iterator[str]"))
+          .def(
+              "keys", [](const SensorValues& s) { return s.names; }, "Names, in the order of the file.")
+          .def(
+              "items",
+              [](const SensorValues& s) {
+                nb::list items;
+                for (std::size_t i = 0; i < s.names.size(); ++i)
+                  items.append(nb::make_tuple(s.names[i], ValueOf(s, i)));
+                return items;
+              },
+              nb::sig("def items(self) -> list[tuple[str, numpy.typing.NDArray[numpy.float64]]]"))
+          .def(
+              "values",
+              [](const SensorValues& s) {
+                nb::list values;
+                for (std::size_t i = 0; i < s.names.size(); ++i) values.append(ValueOf(s, i));
+                return values;
+              },
+              nb::sig("def values(self) -> list[numpy.typing.NDArray[numpy.float64]]"))
+          .def_prop_ro(
+              "array", [](const SensorValues& s) { return ToArray(s.values); },
+              "(n,) values of all sensors, one after another in the order of the file.",
+              nb::sig("def array(self) -> numpy.typing.NDArray[numpy.float64]"))
+          .def_prop_ro("missing", Reasons, "Name -> why it has no value, of those that have none.")
+          .def("__repr__", [](const SensorValues& s) {
+            std::string text = "<fork1s.Sensors";
+            for (const std::string& name : s.names) text += ' ' + name;
+            return text + '>';
+          });
+}
+
+}  // namespace fork1s::python

@@ -1,0 +1,18 @@
+// What the sensors of a simulation measured at one moment.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <string>
+#include <vector>
+
+namespace fork1s::python {
+
+struct SensorValues {
+  std::vector<std::string> names;
+  std::vector<std::string> reasons;  // why a sensor has no value; empty: it has one
+  std::vector<std::size_t> first;    // value of each, and the number of all
+  std::vector<double> values;
+};
+
+}  // namespace fork1s::python
