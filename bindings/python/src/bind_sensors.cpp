@@ -1,7 +1,6 @@
 // sim.sensors: a mapping from names to measured values.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include "bind.hpp"
 #include "errors.hpp"
 #include "sensor_values.hpp"
+#include "text.hpp"
 
 namespace fork1s::python {
 namespace {
@@ -20,7 +20,7 @@ Array ValueOf(const SensorValues& s, std::size_t sensor) {
                                      s.values.begin() + static_cast<std::ptrdiff_t>(s.first[sensor + 1])));
 }
 
-Array Get(const SensorValues& s, const std::string& name) {
+Array SensorNamed(const SensorValues& s, const std::string& name) {
   const auto at = std::find(s.names.begin(), s.names.end(), name);
   if (at == s.names.end()) RefuseName("sensor", name, s.names);
   return ValueOf(s, static_cast<std::size_t>(at - s.names.begin()));
@@ -41,7 +41,7 @@ void BindSensors(nb::module_& m) {
 
 Values are those of the moment at which `sim.sensors` was asked for; each is an array (k,) in the units of MJCF. A
 sensor that has no value is NaN, and `missing` says why. Raises UnknownNameError (a KeyError).)")
-          .def("__getitem__", Get, nb::arg("name"),
+          .def("__getitem__", SensorNamed, nb::arg("name"),
                nb::sig("def __getitem__(self, name: str) -> numpy.typing.NDArray[numpy.float64]"))
           .def("__len__", [](const SensorValues& s) { return s.names.size(); })
           .def(
@@ -76,7 +76,7 @@ sensor that has no value is NaN, and `missing` says why. Raises UnknownNameError
               nb::sig("def values(self) -> list[numpy.typing.NDArray[numpy.float64]]"))
           .def_prop_ro(
               "array", [](const SensorValues& s) { return ToArray(s.values); },
-              "(n,) values of all sensors, one after another in the order of the file.",
+              "(n,) values of all sensors, one after another in the order of the file.", kOwn,
               nb::sig("def array(self) -> numpy.typing.NDArray[numpy.float64]"))
           .def_prop_ro("missing", Reasons, "Name -> why it has no value, of those that have none.")
           .def("__repr__", [](const SensorValues& s) {
