@@ -269,8 +269,8 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.time.push_back(simulation.time());
   s.hash.push_back(simulation.HashState());
   add(s.controls, simulation.controls());
-  s.controls_moved.push_back(simulation.last_controls_moved() ? 1 : 0);
-  add(s.base_rates, simulation.last_base_rates());
+  s.controls_moved.push_back(simulation.last_step().controls_moved ? 1 : 0);
+  add(s.base_rates, simulation.last_step().base_rates);
   simulation.Poses(poses);
   for (const RigidTransform& X_WB : poses) AddPose(X_WB, s.poses);
   for (std::size_t i = 0; i < simulation.world().mechanisms().size(); ++i) {
@@ -306,7 +306,7 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
     s.wrench_body.push_back(a.body);
     for (const Vector3* v : {&a.force_W, &a.moment_W, &a.point_W}) add(s.wrench, *v);
   }
-  for (const auto& [body, spring] : simulation.last_point_springs()) {
+  for (const auto& [body, spring] : simulation.last_step().point_springs) {
     s.point_spring_body.push_back(body);
     for (const Vector3* v : {&spring.point_B, &spring.target_start_W, &spring.target_W})
       add(s.point_spring, *v);

@@ -140,7 +140,7 @@ void LiveSimulation::ApplyPulls() {
 // After a step: its force at the end.
 void LiveSimulation::ShowPull() {
   if (!pull_) return;
-  for (const auto& [body, spring] : simulation_.last_point_springs()) {
+  for (const auto& [body, spring] : simulation_.last_step().point_springs) {
     const RigidTransform X_WB = simulation_.Pose(body);
     const Vector3 force_W = spring.Force(X_WB, simulation_.Velocity(body));
     loads_.push_back({body, spring.point_B, force_W});

@@ -87,11 +87,11 @@ bool RayMeets(const Shape& shape, const Vector3& p, const Vector3& d) {
 
 std::optional<Sensors::FrameInStep> Sensors::FrameInStepOf(const Simulation& simulation,
                                                            const SensorFrame& frame) const {
-  if (simulation.start_motions().empty()) return std::nullopt;
+  if (simulation.last_step().start_motions.empty()) return std::nullopt;
   FrameInStep f;
   f.end = f.start = FrameOf(simulation, frame);
   if (const int body = BodyOf(frame.body); body >= 0) {
-    const BodyMotion& motion = simulation.start_motions()[static_cast<std::size_t>(body)];
+    const BodyMotion& motion = simulation.last_step().start_motions[static_cast<std::size_t>(body)];
     f.start.X_WF = motion.X_WB * frame.X_BF;
     f.start.omega_W = motion.V_W.head<3>();
     f.start.velocity_W =
@@ -133,7 +133,7 @@ void Sensors::EvaluateCut(const Simulation& simulation, const SensorDef& s, doub
   for (const SensorBody& b : s.subtree) {
     const auto place = static_cast<std::size_t>(BodyOf(b));
     is_inside[place] = true;
-    const BodyMotion& start = simulation.start_motions()[place];
+    const BodyMotion& start = simulation.last_step().start_motions[place];
     const SpatialInertia& inertia = internal::InertiaOf(scene, b);
     const Momentum before = MomentumOf(inertia, start.X_WB, start.V_W);
     const Momentum after = MomentumOf(inertia, simulation.Pose(static_cast<int>(place)),
@@ -147,7 +147,7 @@ void Sensors::EvaluateCut(const Simulation& simulation, const SensorDef& s, doub
   }
   const auto has = [&](int body) { return body >= 0 && is_inside[static_cast<std::size_t>(body)]; };
   // Its mean force over the step is not known.
-  for (const Simulation::BodyPointSpring& spring : simulation.last_point_springs())
+  for (const Simulation::BodyPointSpring& spring : simulation.last_step().point_springs)
     if (has(spring.body)) return;
   for (const ContactRecord& c : simulation.world().contacts()) {
     const Matrix3 axes = c.point.frame.transpose();

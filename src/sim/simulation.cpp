@@ -75,7 +75,7 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.controls_ = s.last_controls_ = to_vector(values);
   const auto driven = std::count_if(s.given_.begin(), s.given_.end(),
                                     [](const auto& m) { return m->base() == BaseKind::kDriven; });
-  s.base_rates_ = s.last_base_rates_ =
+  s.base_rates_ = s.last_step_.base_rates =
       VectorX::Constant(6 * driven, std::numeric_limits<double>::quiet_NaN());
   s.control_lower_ = to_vector(lower);
   s.control_upper_ = to_vector(upper);
@@ -95,28 +95,29 @@ StepReport Simulation::Step(bool controls_move) {
   PassControls(controls_move);
   CollectPointSprings();
   // HoldForces asks for them after the step, which forgets them.
-  pushed_W_.clear();
+  last_step_.wrenches_W.clear();
   if (!holds_.empty())
-    for (const MechanismDynamics& m : world_.mechanisms()) m.ComputeLoadWrenches_W(pushed_W_.emplace_back());
+    for (const MechanismDynamics& m : world_.mechanisms())
+      m.ComputeLoadWrenches_W(last_step_.wrenches_W.emplace_back());
   RecordStartMotions();
   const StepReport report = world_.Step(step_options_);
-  last_controls_moved_ = controls_move;
-  last_base_rates_ = base_rates_;
+  last_step_.controls_moved = controls_move;
+  last_step_.base_rates = base_rates_;
   base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());
   if (report.finite) {  // else the state is that before the step
     last_controls_ = controls_;
     ++steps_;
   } else {
-    start_motions_.clear();
+    last_step_.start_motions.clear();
   }
   return report;
 }
 
 void Simulation::RecordStartMotions() {
   if (!records_start_motions_) return;
-  start_motions_.resize(bodies_.size());
+  last_step_.start_motions.resize(bodies_.size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    BodyMotion& motion = start_motions_[i];
+    BodyMotion& motion = last_step_.start_motions[i];
     motion = {Pose(static_cast<int>(i)), Velocity(static_cast<int>(i)), Vector6::Zero()};
     const SceneBody& b = bodies_[i];
     if (b.mechanism < 0) {
@@ -295,14 +296,14 @@ void Simulation::ClearPointSprings() {
 }
 
 void Simulation::CollectPointSprings() {
-  last_point_springs_.clear();
+  last_step_.point_springs.clear();
   for (std::size_t i = 0; i < world_.free_bodies().size(); ++i)
     if (const PointSpring& spring = world_.free_bodies()[i].point_spring(); spring.IsActive())
-      last_point_springs_.push_back({BodyOf(-1, static_cast<int>(i)), spring});
+      last_step_.point_springs.push_back({BodyOf(-1, static_cast<int>(i)), spring});
   for (std::size_t i = 0; i < world_.mechanisms().size(); ++i) {
     const MechanismDynamics& m = world_.mechanisms()[i];
     if (m.point_spring().IsActive())
-      last_point_springs_.push_back(
+      last_step_.point_springs.push_back(
           {BodyOf(static_cast<int>(i), m.point_spring_body().value()), m.point_spring()});
   }
 }

@@ -200,7 +200,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   fidelity_ = fidelity;
   holds_ = std::move(holds);
   places_ = std::move(*places);
-  pushed_W_.clear();
+  last_step_.wrenches_W.clear();
   ListBodies();
   return {};
 }
@@ -215,9 +215,9 @@ std::vector<HoldForce> Simulation::HoldForces() const {
     const RigidTransform& X_WR = m.state().X_WR;
     // What the step's contacts and pushes did to the mechanism.
     Matrix6X contacts_R = Matrix6X::Zero(6, mechanism.num_bodies());
-    if (i < pushed_W_.size() && pushed_W_[i].cols() == contacts_R.cols())
+    if (i < last_step_.wrenches_W.size() && last_step_.wrenches_W[i].cols() == contacts_R.cols())
       for (Eigen::Index b = 0; b < contacts_R.cols(); ++b)
-        contacts_R.col(b) = AdjointTransposeApply(X_WR, pushed_W_[i].col(b));
+        contacts_R.col(b) = AdjointTransposeApply(X_WR, last_step_.wrenches_W[i].col(b));
     for (const ContactRecord& c : world_.contacts()) {
       const Vector3 force_W = c.point.frame.transpose() * c.impulse / dt_;
       for (const auto& [contactor, sign] :

@@ -8,8 +8,8 @@
 namespace fork1s {
 
 Simulation::Snapshot Simulation::Save() const {
-  Snapshot snapshot{steps_, controls_,      last_controls_,  base_rates_, fidelity_,
-                    holds_, present_scene_, world_keyframe_, base_start_, {}};
+  Snapshot snapshot{steps_,         controls_,       last_controls_, base_rates_, fidelity_, holds_,
+                    present_scene_, world_keyframe_, base_start_,    last_step_,  {}};
   world_.Save(snapshot.world);
   return snapshot;
 }
@@ -51,8 +51,7 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   last_controls_ = snapshot.last_controls;
   base_rates_ = snapshot.base_rates;
   base_start_ = snapshot.base_start;
-  pushed_W_.clear();
-  start_motions_.clear();
+  last_step_ = snapshot.last_step;
   ListBodies();
   return {};
 }

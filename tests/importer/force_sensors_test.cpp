@@ -1,4 +1,5 @@
 // Sensors of accelerations and forces against closed forms and, at rest, MuJoCo.
+#include <fork1s/sim/linearize.hpp>
 #include <fork1s/sim/sensors.hpp>
 
 #include "helpers.hpp"
@@ -34,6 +35,25 @@ Simulation MustStart(const std::string& mjcf, double dt = 1.0 / 240, const Vecto
 Vector3 At(const Sensors& sensors, const std::string& name) {
   const std::span<const double> v = sensors[name];
   return {v[0], v[1], v[2]};
+}
+
+// A moment that is gone back to has the means over the step before it, also after a linearisation, which makes steps.
+TEST(ForceSensors, OfAMomentGoneBackTo_AreAsThen) {
+  Simulation simulation = MustStart(R"(<mujoco><worldbody><body name="a" pos="0 0 .5">
+    <joint name="j" axis="0 1 0" damping=".01"/><geom size=".05" mass="2" pos=".3 0 0"/><site name="s" pos=".3 0 0"/>
+    </body></worldbody><sensor><accelerometer name="acc" site="s"/><force name="f" site="s"/></sensor></mujoco>)");
+  for (int i = 0; i < 20; ++i) simulation.Step();
+  Sensors sensors(simulation);
+  const VectorX then = sensors.values();
+  EXPECT_TRUE(then.allFinite());
+  const Simulation::Snapshot snapshot = simulation.Save();
+  ASSERT_TRUE(Linearize(simulation));
+  sensors.Update(simulation);
+  EXPECT_EQ(sensors.values(), then);
+  for (int i = 0; i < 20; ++i) simulation.Step();
+  ASSERT_TRUE(simulation.Restore(snapshot));
+  sensors.Update(simulation);
+  EXPECT_EQ(sensors.values(), then);
 }
 
 // An arm that comes to rest on stiff springs: what every cut carries, the tip's accelerometer, in turned sites. A

@@ -82,7 +82,7 @@ TEST(Recording, ReplaysMovingControls) {
         for (int i = 0; i < 40; ++i) {
           const bool move = i % 4 != 2;
           const StepReport report = simulation.Step(move);
-          EXPECT_EQ(simulation.last_controls_moved(), move);
+          EXPECT_EQ(simulation.last_step().controls_moved, move);
           ASSERT_TRUE(recorder->Append(simulation, report));
           SetInputs(3, simulation);
         }

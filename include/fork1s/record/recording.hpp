@@ -41,7 +41,7 @@ struct RecordedSteps {
   std::vector<double> time;                  // s, after the step
   std::vector<std::uint64_t> hash;           // Simulation::HashState() after the step
   std::vector<double> controls;              // x controls: inputs of the step
-  std::vector<std::uint8_t> controls_moved;  // Simulation::last_controls_moved()
+  std::vector<std::uint8_t> controls_moved;  // Simulation::last_step().controls_moved
   std::vector<double>
       base_rates;             // x coordinates of driven bases: Simulation::SetBaseRate, NaN where not set
   std::vector<double> poses;  // x bodies x 7: x y z [m], qw qx qy qz
@@ -147,7 +147,7 @@ class Recording {
   /// Steps count from 0; step -1 is the state before the first. Out of range throws std::invalid_argument.
   RigidTransform Pose(int step, int body) const;
   VectorX Controls(int step) const;
-  /// Simulation::last_base_rates() after the step.
+  /// Simulation::last_step().base_rates after the step.
   VectorX BaseRates(int step) const;
   VectorX Coordinates(int step) const;
   /// Reduced coordinates of a mechanism and their rates.

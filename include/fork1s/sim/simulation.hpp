@@ -129,16 +129,12 @@ class Simulation {
   /// start at their pose. Clears rates of bases. Throws std::invalid_argument after the first step: a later
   /// jump is a step in which controls are held.
   void StartFromControls();
-  /// Whether controls moved within the last step.
-  bool last_controls_moved() const { return last_controls_moved_; }
   /// The rate at the end of the next step [m/s, or that of the rotation vector in rad/s] of a coordinate of a driven
   /// base, where the value set for it is a sample of a path that is known; of the next step only. Else steps of two
   /// stages estimate it from the steps before. To be set after the value.
   void SetBaseRate(int index, double rate);
-  /// Of the coordinates of driven bases, in their order among the controls; NaN: not known. Those of the next step,
-  /// and those of the last one.
+  /// Of the coordinates of driven bases, in their order among the controls; NaN: not known. Of the next step.
   const VectorX& base_rates() const { return base_rates_; }
-  const VectorX& last_base_rates() const { return last_base_rates_; }
   int num_base_coordinates() const { return static_cast<int>(base_rates_.size()); }
 
   const std::vector<SceneBody>& bodies() const { return bodies_; }
@@ -149,9 +145,6 @@ class Simulation {
   void Poses(std::vector<RigidTransform>& X_WB) const;
   /// Twist of a body [ω_W; velocity of its origin], world axes.
   Vector6 Velocity(int body) const;
-  /// Motions of all bodies at the start of the last step, in scenes whose sensors need them: those of
-  /// accelerations and of forces between bodies. Empty before the first step and after Restore.
-  const std::vector<BodyMotion>& start_motions() const { return start_motions_; }
   /// Force [N] and moment [N·m], constant in world axes during the next step only. The force acts at the
   /// point of the body that is at `point_W` now.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
@@ -164,8 +157,17 @@ class Simulation {
     int body = 0;  // place in bodies()
     PointSpring spring;
   };
-  /// Those of the last step, targets as they moved within it.
-  const std::vector<BodyPointSpring>& last_point_springs() const { return last_point_springs_; }
+  /// What the last step was given, for who records it, and how bodies started it, for sensors.
+  struct LastStep {
+    bool controls_moved = false;
+    VectorX base_rates;
+    std::vector<BodyPointSpring> point_springs;  // targets as they moved within it
+    std::vector<Matrix6X> wrenches_W;  // per body of each mechanism of world(); empty where nothing is held
+    /// Of all bodies, in scenes whose sensors need them: those of accelerations and of forces between bodies. Empty
+    /// before the first step and after one that was undone.
+    std::vector<BodyMotion> start_motions;
+  };
+  const LastStep& last_step() const { return last_step_; }
 
   double KineticEnergy() const { return world_.KineticEnergy(); }
   double PotentialEnergy() const { return world_.PotentialEnergy(step_options_.gravity); }
@@ -188,6 +190,7 @@ class Simulation {
     std::shared_ptr<const Scene> made_of;    // present_scene() of then
     int keyframe = -1;                       // at which that world was made
     std::vector<RigidTransform> base_start;  // where the controls of driven bases count from
+    LastStep last_step;
     WorldState world;
   };
   Snapshot Save() const;
@@ -228,14 +231,10 @@ class Simulation {
   std::vector<std::string> control_names_;
   VectorX controls_, control_lower_, control_upper_;
   VectorX last_controls_;  // at the end of the last step
-  bool last_controls_moved_ = false;
-  VectorX base_rates_, last_base_rates_;
-  std::vector<BodyPointSpring> last_point_springs_;
+  VectorX base_rates_;
   std::vector<RigidTransform> base_start_;  // per mechanism
-  std::vector<Matrix6X>
-      pushed_W_;  // wrenches of the last step, as world_ counts; empty where nothing is held
+  LastStep last_step_;
   bool records_start_motions_ = false;
-  std::vector<BodyMotion> start_motions_;
   std::vector<SceneBody> bodies_;
   std::vector<std::vector<int>>
       body_of_;  // places in bodies_ by body of world_: of free ones, then of mechanisms
