@@ -22,9 +22,7 @@ Json BasesJson(const Simulation& simulation, const Measured& m) {
     if (given.base() == BaseKind::kFixed) continue;
     const Measured::BasePath& path = m.base_paths[i];
     const RigidTransform X = simulation.BasePose(number);
-    const Vector6 V_R = simulation.BaseTwist(number);
-    Vector6 V;
-    V << X.rotation() * V_R.head<3>(), X.rotation() * V_R.tail<3>();
+    const Vector6 V = InAxes(X.rotation(), simulation.BaseTwist(number));
     out.push_back({{"body", given.body(BodyIndex(0)).name},
                    {"position_m", ToJson(X.translation())},
                    {"quaternion_wxyz", ToJson(X.quaternion())},

@@ -13,17 +13,6 @@ using reference::BoundConstraint;
 using reference::PointConstraint;
 using reference::PointJacobian;
 
-namespace {
-
-// Twist of a mechanism's body in world axes about its origin.
-Vector6 InWorld(const RigidTransform& X, const Vector6& V_B) {
-  Vector6 V;
-  V << X.rotation() * V_B.head<3>(), X.rotation() * V_B.tail<3>();
-  return V;
-}
-
-}  // namespace
-
 void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h) {
   std::fill(port_offset_.begin(), port_offset_.end(), -1);
   std::vector<char> touched(contactors_.size(), 0);
@@ -78,8 +67,8 @@ void ContactSet::FillVelocities(const Mechanisms& mechanisms, const Bodies& free
     velocities.segment<6>(port_offset_[c]) =
         contactors_[c].kind == FullContactor::Kind::kFreeBody
             ? (at_guess ? free_bodies[at].NextPortTwist() : free_bodies[at].PortTwist())
-            : InWorld(PoseOf(contactors_[c], mechanisms, free_bodies, at_guess),
-                      at_guess ? mechanisms[at].NextTwist(body) : mechanisms[at].BodyTwist(body));
+            : InAxes(PoseOf(contactors_[c], mechanisms, free_bodies, at_guess).rotation(),
+                     at_guess ? mechanisms[at].NextTwist(body) : mechanisms[at].BodyTwist(body));
   }
 }
 
@@ -244,7 +233,7 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
       const int body = contactors_[static_cast<std::size_t>(port.contactor)].body,
                 column = m.ColumnOfBody(body);
       if (column < 0) {
-        velocities_.segment<6>(port.offset) = InWorld(m.NextPose(body), m.NextTwist(body));
+        velocities_.segment<6>(port.offset) = InAxes(m.NextPose(body).rotation(), m.NextTwist(body));
         continue;
       }
       const Matrix3 R_T = m.NextPose(body).rotation().transpose();

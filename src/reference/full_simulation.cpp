@@ -251,11 +251,7 @@ Vector6 FullSimulation::Velocity(int body) const {
   const FullBody& b = BodyAt(detail_->bodies, body);
   if (b.mechanism < 0) return detail_->free_bodies[static_cast<std::size_t>(b.index)].Velocity();
   const FullMechanism& m = detail_->mechanisms[static_cast<std::size_t>(b.mechanism)];
-  const Matrix3 R = m.Pose(b.index).rotation();
-  const Vector6 V_B = m.BodyTwist(b.index);
-  Vector6 V;
-  V << R * V_B.head<3>(), R * V_B.tail<3>();
-  return V;
+  return InAxes(m.Pose(b.index).rotation(), m.BodyTwist(b.index));
 }
 
 const Mechanism& FullSimulation::mechanism(int i) const {

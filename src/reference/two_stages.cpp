@@ -69,10 +69,7 @@ void FullSimulation::Detail::Restore(const Saved& saved) {
 void FullSimulation::Detail::StartBasePaths() {
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;
-    const Matrix3& R = base_now[i].rotation();
-    const Vector6 V = mechanisms[i].BodyTwist(0);
-    Vector6 rate_W;
-    rate_W << R * V.head<3>(), R * V.tail<3>();
+    const Vector6 rate_W = InAxes(base_now[i].rotation(), mechanisms[i].BodyTwist(0));
     base_path[i] = ComputeBasePath(base_now[i], rate_W, base_next[i], base_rate_next[i], base_history[i], dt);
   }
 }
@@ -90,9 +87,8 @@ void FullSimulation::Detail::SetInputs(double share) {
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;
     mechanisms[i].driven_next = base_path[i].PoseAt(share);
-    const Matrix3 R_T = mechanisms[i].driven_next.rotation().transpose();
-    const Vector6 rate = base_path[i].RateAt(share);
-    mechanisms[i].driven_twist << R_T * rate.head<3>(), R_T * rate.tail<3>();
+    mechanisms[i].driven_twist =
+        InAxes(mechanisms[i].driven_next.rotation().transpose(), base_path[i].RateAt(share));
   }
 }
 

@@ -23,12 +23,6 @@ constexpr double kSwitch = 0.01, kLargestChange = 0.01;
 // Newton's tolerance here: what rounding leaves.
 constexpr double kTolerance = 1e-15;
 
-Vector6 Turned(const Matrix3& R, const Vector6& V) {
-  Vector6 out;
-  out << R * V.head<3>(), R * V.tail<3>();
-  return out;
-}
-
 // Joint coordinates, in their units of length or angle, that tell all others.
 std::vector<int> IndependentJoints(const MechanismDynamics& m) {
   if (m.model().size() == 0) return {};
@@ -48,7 +42,7 @@ RigidTransform MovedPose(const RigidTransform& from, const Vector6& by) {
   return {Matrix3(ExpRotation(by.head<3>()) * from.rotation()), Vector3(from.translation() + by.tail<3>())};
 }
 
-Vector6 BaseTwist(const MechanismDynamics& m) { return Turned(m.state().X_WR.rotation(), m.state().V_R); }
+Vector6 BaseTwist(const MechanismDynamics& m) { return InAxes(m.state().X_WR.rotation(), m.state().V_R); }
 
 Reference ReferenceOf(const MechanismDynamics& m) {
   Reference out;
@@ -90,7 +84,7 @@ void Move(const Reference& from, const VectorX& p, const VectorX& v, MechanismSt
   }
   if (!from.has_base) return;
   state.reduced.X_WR = MovedPose(from.X, p.tail<6>());
-  state.reduced.V_R = Turned(state.reduced.X_WR.rotation().transpose(), from.V + v.tail<6>());
+  state.reduced.V_R = InAxes(state.reduced.X_WR.rotation().transpose(), from.V + v.tail<6>());
 }
 
 void Move(const Reference& from, const FreeBody& body, const VectorX& p, const VectorX& v,

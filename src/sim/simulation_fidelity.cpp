@@ -134,11 +134,7 @@ Vector6 Simulation::BaseTwist(int mechanism) const {
   const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(at.mechanism)];
   if (at.first_body == 0) return m.state().V_R;
   const BodyIndex base(at.first_body);
-  const Matrix3 R_BW = m.BodyPose(base).rotation().transpose();
-  const Vector6 V_W = m.BodyVelocity(base);
-  Vector6 V;
-  V << R_BW * V_W.head<3>(), R_BW * V_W.tail<3>();
-  return V;
+  return InAxes(m.BodyPose(base).rotation().transpose(), m.BodyVelocity(base));
 }
 
 std::vector<std::string> Simulation::CoordinateNames() const {

@@ -32,11 +32,7 @@ namespace {
 
 // Twist in R of a base that stands at X.
 Vector6 BaseTwist(const BasePath& path, double share, const RigidTransform& X) {
-  const Vector6 rate = path.RateAt(share);
-  const Matrix3 R_T = X.rotation().transpose();
-  Vector6 V;
-  V << R_T * rate.head<3>(), R_T * rate.tail<3>();
-  return V;
+  return InAxes(X.rotation().transpose(), path.RateAt(share));
 }
 
 // Centre of mass in R of an inertia about R's origin.

@@ -142,9 +142,7 @@ void SetInputsWithin(const MechanismStep& here, const MechanismState& start, dou
 }
 
 BasePath PathOfBase(const MechanismState& state, double h) {
-  const Matrix3& R = state.reduced.X_WR.rotation();
-  Vector6 rate_W;
-  rate_W << R * state.reduced.V_R.head<3>(), R * state.reduced.V_R.tail<3>();
+  const Vector6 rate_W = InAxes(state.reduced.X_WR.rotation(), state.reduced.V_R);
   return ComputeBasePath(state.reduced.X_WR, rate_W, state.driven_next,
                          state.knows_driven_rate ? std::optional(state.driven_rate) : std::nullopt,
                          state.base_history, h);

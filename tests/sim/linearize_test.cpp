@@ -272,9 +272,8 @@ TEST(Linearize, BoxOnAPlane_SticksOrSlides) {
   }
 }
 
-// A box that floats against a wall goes one way and not the other, and a servo that gives just its most force gives no
-// more.
-TEST(Linearize, Switches_AreNamed) {
+// A box that floats against a plane goes one way and not the other.
+TEST(Linearize, BoxAgainstAPlane_IsNamed) {
   Scene scene = BoxOnPlane(0.5);
   scene.gravity.setZero();
   Simulation simulation = StartFrom(scene);

@@ -62,8 +62,7 @@ void SetVelocities(const ByName& velocities, const Movers& movers, KeyframeDef& 
     const VectorX V = ReadVector(given, 6, ("velocity of '" + name + "'").c_str());
     if (const auto base = movers.bases.find(name); base != movers.bases.end()) {
       KeyframeDef::MechanismState& m = state.mechanisms[base->second];
-      const Matrix3 R_RW = m.X_WR.rotation().transpose();
-      m.V_R << R_RW * V.head<3>(), R_RW * V.tail<3>();
+      m.V_R = InAxes(m.X_WR.rotation().transpose(), V);
     } else if (const auto body = movers.free_bodies.find(name); body != movers.free_bodies.end()) {
       state.free_bodies[body->second].omega_W = V.head<3>();
       state.free_bodies[body->second].velocity_W = V.tail<3>();

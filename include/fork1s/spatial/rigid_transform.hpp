@@ -92,6 +92,12 @@ Matrix6 SmallAdjoint(const Vector6& x);
 Matrix6 Dexp(const Vector6& x);
 Matrix6 DexpInverse(const Vector6& x);
 
+/// A twist or wrench in axes of A, about the same point, for R_AB.
+inline Vector6 InAxes(const Matrix3& R, const Vector6& x) {
+  Vector6 y;
+  y << R * x.head<3>(), R * x.tail<3>();
+  return y;
+}
 /// Adjoint(X) x without forming the 6x6.
 inline Vector6 AdjointApply(const RigidTransform& X, const Vector6& x) {
   const double* R = X.data();
