@@ -158,11 +158,17 @@ LinearModel ComputeLinearModel(const PosedMechanism& posed, const ReducedModel& 
   return out;
 }
 
-StateSpace ToStateSpace(const LinearModel& model) {
+Expected<StateSpace> ToStateSpace(const LinearModel& model) {
   const Eigen::Index s = model.M.rows(), m = model.B.cols();
-  MatrixX forces(s, 2 * s + m + 1);
-  forces << -model.K, -model.D, model.B, model.f;
-  const MatrixX accelerations = s > 0 ? SolveSymmetric(model.M, forces) : forces;
+  Cholesky inertia;
+  if (!inertia.Compute(model.M))
+    return Fail(
+        ErrorCode::kNumerics, "mechanism '" + model.mechanism + "'",
+        "has a motion without inertia, so that its acceleration is not determined; give the parts that move "
+        "mass, or their joints armature");
+  MatrixX accelerations(s, 2 * s + m + 1);
+  accelerations << -model.K, -model.D, model.B, model.f;
+  inertia.SolveInPlace(accelerations);
   StateSpace out;
   out.A.setZero(2 * s, 2 * s);
   out.A.topRightCorner(s, s).setIdentity();

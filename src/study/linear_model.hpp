@@ -43,7 +43,8 @@ struct StateSpace {
   Signals states, inputs, outputs;
 };
 
-StateSpace ToStateSpace(const LinearModel& model);
+/// Errors: kNumerics where M is not positive definite.
+Expected<StateSpace> ToStateSpace(const LinearModel& model);
 
 /// As a MAT-file (.mat) or an NPZ file (.npz), arrays by the names above; docs/formats.md lists them. Errors: kFile.
 Expected<void> SaveLinearModel(const LinearModel& model, const std::string& path);

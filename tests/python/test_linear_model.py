@@ -81,7 +81,7 @@ def check_names_and_shapes(mechanism):
     assert_allclose(linear.M @ space.c[s:], linear.f, atol=1e-9 * max(1e-9, np.abs(linear.f).max()))
 
 
-@pytest.mark.parametrize("name", ["two_link_arm", "fourbar_gripper", "quadruped", "hand", "firemen"])
+@pytest.mark.parametrize("name", ["two_link_arm", "fourbar_gripper", "quadruped", "hand", "beam_walkers"])
 def test_names_units_and_shapes(scenes, name):
     for mechanism in fork1s.load(scenes / f"{name}.xml").mechanisms:
         check_names_and_shapes(mechanism)
@@ -147,6 +147,26 @@ def test_static_gain_of_controls():
     rest = space.C @ np.linalg.solve(-space.A, space.c)
     assert_allclose(rest[space.outputs.index("a")], 9.81 * 0.15 / 5, rtol=1e-12)
     assert_allclose(linear.C @ np.linalg.solve(linear.K, linear.f), rest, atol=1e-12)
+
+
+def test_static_gain_of_servos_through_loops(gripper):
+    """Servos of 2 N·m/rad on the cranks: what `response` has per moment there."""
+    space = gripper.state_space()
+    gain = space.C @ np.linalg.solve(-space.A, space.B)
+    response = gripper.response()
+    for side in ["left", "right"]:
+        per_moment = response[:, gripper.coordinates.index(f"{side}_crank")]
+        expected = 2 * per_moment
+        assert_allclose(
+            gain[:12, space.inputs.index(f"{side}_grip")], expected, atol=1e-9 * np.abs(expected).max()
+        )
+
+
+def test_several_mechanisms_are_asked_one_by_one(scenes):
+    walkers = fork1s.load(scenes / "beam_walkers.xml")
+    for ask in (walkers.linear_model, walkers.state_space):
+        with pytest.raises(fork1s.ModelError, match="mechanisms; ask one of them"):
+            ask()
 
 
 @pytest.mark.parametrize("keyframe", [None, "over"])
@@ -250,9 +270,10 @@ def test_npz_has_what_python_has(scenes, tmp_path, name):
 
 def test_further_mechanisms_have_files_of_their_own(scenes, tmp_path):
     for ending in ["npz", "mat", "h5"]:
-        assert reduce("--out", tmp_path / f"men.{ending}", scenes / "firemen.xml").returncode == 0
-        count = len(fork1s.load(scenes / "firemen.xml").mechanisms)
-        names = [f"men.{ending}", *(f"men.{i}.{ending}" for i in range(2, count + 1))]
+        assert reduce("--out", tmp_path / f"walkers.{ending}", scenes / "beam_walkers.xml").returncode == 0
+        count = len(fork1s.load(scenes / "beam_walkers.xml").mechanisms)
+        assert count > 1
+        names = [f"walkers.{ending}", *(f"walkers.{i}.{ending}" for i in range(2, count + 1))]
         assert sorted(path.name for path in tmp_path.glob(f"*.{ending}")) == sorted(names)
 
 

@@ -68,7 +68,9 @@ LinearModel LinearModelOf(const MechanismView& v) {
   return ComputeLinearModel(v.posed(), *v.model->Reduction(v.index));
 }
 
-StateSpace StateSpaceOf(const MechanismView& v) { return ToStateSpace(LinearModelOf(v)); }
+StateSpace StateSpaceOf(const MechanismView& v) {
+  return Take(ToStateSpace(LinearModelOf(v)), v.model->origin());
+}
 
 // name -> (lower, upper, initial)
 std::map<std::string, std::tuple<double, double, double>> ControlsOf(const MechanismView& v) {

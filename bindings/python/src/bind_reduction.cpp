@@ -6,6 +6,7 @@
 
 #include "arrays.hpp"
 #include "bind.hpp"
+#include "errors.hpp"
 #include "model.hpp"
 #include "study/linear_model.hpp"
 
@@ -93,7 +94,9 @@ preload, limits, bounds of forces, dry friction, contact.)");
       .def_prop_ro(
           "interfaces", [](const LinearModel& s) { return s.interfaces; },
           "(e) names of the interface bodies.")
-      .def("state_space", ToStateSpace, "The same as first-order equations (`StateSpace`).")
+      .def(
+          "state_space", [](const LinearModel& s) { return Take(ToStateSpace(s)); },
+          "The same as first-order equations (`StateSpace`). Raises NumericsError for a motion without inertia.")
       .def("__repr__", [](const LinearModel& s) {
         return "<fork1s.LinearModel of " + std::to_string(s.M.rows()) + " coordinates, " +
                std::to_string(s.B.cols()) + " inputs, " + std::to_string(s.C.rows()) + " outputs>";
