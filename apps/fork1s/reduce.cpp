@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <fork1s/record/recovery_buffers.hpp>
 #include <fork1s/record/reduced_model_file.hpp>
 #include <fork1s/reduction/compliance.hpp>
@@ -18,6 +19,7 @@
 #include "point_output.hpp"
 #include "print.hpp"
 #include "study/deflection.hpp"
+#include "study/linear_model.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -215,6 +217,34 @@ void Print(const Json& d, const Mechanism& m) {
   for (const Json& w : d["warnings"]) PrintText("  warning: {}\n", w.get<std::string>());
 }
 
+// --out: endings that are known. Files without one are HDF5, as they always were.
+Expected<void> RequireKnownEnding(const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  for (const char* known : {"", ".h5", ".hdf5", ".mat", ".npz"})
+    if (ending == known) return {};
+  return Fail(
+      ErrorCode::kFile, path,
+      fmt::format(
+          "the ending '{}' is not known; known are .h5 and .hdf5 (HDF5, the whole reduced model), .mat "
+          "(MATLAB) and .npz (NumPy; the matrices of its equations of motion)",
+          ending));
+}
+
+// The file of the first mechanism, or FILE.2.h5 of the second and so on.
+std::string FileOf(const std::string& path, std::size_t mechanism) {
+  if (mechanism == 0) return path;
+  const std::filesystem::path of_first(path);
+  return (of_first.parent_path() /
+          fmt::format("{}.{}{}", of_first.stem().string(), mechanism + 1, of_first.extension().string()))
+      .string();
+}
+
+Expected<void> WriteModel(const PosedMechanism& posed, const ReducedModel& reduced, const std::string& path) {
+  const std::string ending = std::filesystem::path(path).extension().string();
+  if (ending != ".mat" && ending != ".npz") return SaveReducedModel(reduced, path);
+  return SaveLinearModel(ComputeLinearModel(posed, reduced), path);
+}
+
 // --buffers: of a simulation as `run` begins it, since that has the coordinates that a host gets.
 Expected<void> WriteBuffers(const ImportedScene& imported, Recovery recovery, const std::string& folder) {
   SimulationOptions options;
@@ -245,7 +275,10 @@ void AddReduce(CLI::App& app, Action& action) {
       *command,
       "BODY:x,y,z in m from the body's origin, in its axes: a point at which compliance and stiffness "
       "are measured; may be repeated");
-  command->add_option("--out", *file, "write the reduced model to this HDF5 file");
+  command->add_option(
+      "--out", *file,
+      "write the reduced model to this file: HDF5 (.h5), or its equations of motion as matrices with names "
+      "and units for MATLAB (.mat) or NumPy (.npz); further mechanisms go to FILE.2.h5 and so on");
   auto* folder = command->add_option(
       "--buffers", *buffers,
       "write recovery.json and recovery.bin, by which shaders pose all bodies, into this folder");
@@ -254,6 +287,8 @@ void AddReduce(CLI::App& app, Action& action) {
   command->callback([&action, model, file, buffers, points, recovery, lock_free] {
     action = [model, file, buffers, points, recovery, lock_free]() -> int {
       if (auto ok = RefuseInputs(*file, {model->path}); !ok) return Report(ok.error(), model->json);
+      if (!file->empty())
+        if (auto ok = RequireKnownEnding(*file); !ok) return Report(ok.error(), model->json);
       const auto along = points->Direction();
       if (!along) return Report(along.error(), model->json);
       const auto named = points->Points("");
@@ -288,8 +323,9 @@ void AddReduce(CLI::App& app, Action& action) {
           return Report(error, model->json);
         }
         if (!file->empty()) {
-          const std::string path = i == 0 ? *file : fmt::format("{}.{}", *file, i + 1);
-          if (auto saved = SaveReducedModel(reduced, path); !saved) return Report(saved.error(), model->json);
+          const std::string path = FileOf(*file, i);
+          if (auto saved = WriteModel((*posed)[i], reduced, path); !saved)
+            return Report(saved.error(), model->json);
           if (!model->json) PrintText(stderr, "wrote {}\n", path);
         }
         if (!model->json) Print(*one, *(*posed)[i].mechanism);

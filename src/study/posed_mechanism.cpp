@@ -16,13 +16,18 @@ Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& import
     p.mechanism = std::make_shared<const Mechanism>(std::move(*built));
     p.interfaces_chosen = imported.scene.mechanisms[i].interfaces_chosen;
     const MechanismDef& def = p.mechanism->definition();
-    p.loads.gravity_R = def.X_WR.rotation().transpose() * imported.scene.gravity;
+    p.X_WR = def.X_WR;
     p.loads.controls.resize(static_cast<Eigen::Index>(def.controls.size()));
     for (std::size_t k = 0; k < def.controls.size(); ++k)
       p.loads.controls(static_cast<Eigen::Index>(k)) = def.controls[k].initial;
     p.q = VectorX::Zero(p.mechanism->num_coordinates());
-    if (imported.initial_keyframe >= 0)
-      p.q = imported.scene.keyframes[static_cast<std::size_t>(imported.initial_keyframe)].mechanisms[i].q;
+    if (imported.initial_keyframe >= 0) {
+      const auto& start =
+          imported.scene.keyframes[static_cast<std::size_t>(imported.initial_keyframe)].mechanisms[i];
+      p.q = start.q;
+      p.X_WR = start.X_WR;
+    }
+    p.loads.gravity_R = p.X_WR.rotation().transpose() * imported.scene.gravity;
     const double gap = CloseLoops(*p.mechanism, p.q);
     if (gap > 1e-6)
       return Fail(

@@ -16,6 +16,7 @@ namespace fork1s {
 struct PosedMechanism {
   std::shared_ptr<const Mechanism> mechanism;
   VectorX q;
+  RigidTransform X_WR;   // of its root frame
   ReductionLoads loads;  // of the scene's gravity and the initial controls
   bool interfaces_chosen = true;
 };

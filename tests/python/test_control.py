@@ -32,6 +32,10 @@ def test_page_holds_the_pole_and_the_cube():
     assert page["sim"].pose("cube")[2, 3] == pytest.approx(0.5, abs=2e-3)
     assert np.abs(np.linalg.eigvals(page["step"].A)).max() > 1.05  # the pole alone falls
     assert page["step"].switches == []
+    # Rail of 100 N/m, pole of 5 N·m/rad with an arm of 0.45 m, servo of 2000 N/m.
+    assert page["gain"][page["moved"], page["push"]] == pytest.approx(
+        1 / 100 + 0.45**2 / 5 + 1 / 2000, rel=1e-9
+    )
 
 
 def test_of_a_spring_is_the_matrix_of_the_scheme():

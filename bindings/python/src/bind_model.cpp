@@ -17,6 +17,7 @@
 #include "mechanism_view.hpp"
 #include "point_view.hpp"
 #include "released_gil.hpp"
+#include "study/linear_model.hpp"
 #include "words.hpp"
 
 namespace fork1s::python {
@@ -62,6 +63,14 @@ PointView PointStiffnessOf(const MechanismView& v, const std::string& body, cons
 }
 
 std::shared_ptr<const ReducedModel> MatricesOf(const MechanismView& v) { return v.model->Reduction(v.index); }
+
+LinearModel LinearModelOf(const MechanismView& v) {
+  return ComputeLinearModel(v.posed(), *v.model->Reduction(v.index));
+}
+
+StateSpace StateSpaceOf(const MechanismView& v) {
+  return Take(ToStateSpace(LinearModelOf(v)), v.model->origin());
+}
 
 // name -> (lower, upper, initial)
 std::map<std::string, std::tuple<double, double, double>> ControlsOf(const MechanismView& v) {
@@ -118,6 +127,13 @@ constexpr const char* kReducedFrequencies =
 constexpr const char* kMatrices =
     R"(M, D, K, T, Q of the reduced model (`Matrices`). Raises UnderdeterminedError, ModelError, NumericsError.)";
 
+constexpr const char* kLinearModel =
+    R"(M, D, K, B, C of the equations of motion to first order about the start (`LinearModel`): what `fork1s reduce --out
+FILE.npz` writes. Raises as `matrices`.)";
+constexpr const char* kStateSpace =
+    R"(A, B, C, D of the same as first-order equations (`StateSpace`), with names and units: what python-control and SciPy
+take. Raises as `matrices`.)";
+
 void BindMechanism(nb::module_& m) {
   nb::class_<MechanismView>(m, "Mechanism", "One mechanism of a model: bodies on joints, springs and loops.")
       .def_prop_ro("name", [](const MechanismView& v) { return v.mechanism().name(); })
@@ -160,6 +176,8 @@ void BindMechanism(nb::module_& m) {
       .def_prop_ro("frequencies", FullFrequenciesOf, kFrequencies, kOwn)
       .def_prop_ro("reduced_frequencies", ReducedFrequenciesOf, kReducedFrequencies, kOwn)
       .def_prop_ro("matrices", MatricesOf, kMatrices)
+      .def("linear_model", LinearModelOf, kLinearModel)
+      .def("state_space", StateSpaceOf, kStateSpace)
       .def("__repr__", [](const MechanismView& v) {
         return "<fork1s.Mechanism '" + v.mechanism().name() +
                "': " + std::to_string(v.mechanism().num_bodies()) + " bodies, " +
@@ -295,6 +313,8 @@ several, ask `mechanisms[i]`, or name a body.)")
       .def_prop_ro("frequencies", FORK1S_OF_ONLY(FullFrequenciesOf), kFrequencies, kOwn)
       .def_prop_ro("reduced_frequencies", FORK1S_OF_ONLY(ReducedFrequenciesOf), kReducedFrequencies, kOwn)
       .def_prop_ro("matrices", FORK1S_OF_ONLY(MatricesOf), kMatrices)
+      .def("linear_model", FORK1S_OF_ONLY(LinearModelOf), kLinearModel)
+      .def("state_space", FORK1S_OF_ONLY(StateSpaceOf), kStateSpace)
       .def("__repr__", [](const ModelPtr& s) {
         return "<fork1s.Model '" + s->scene().name + "' of " + s->origin() + ": " +
                std::to_string(s->mechanisms().size()) + " mechanisms, " +

@@ -6,7 +6,9 @@
 
 #include "arrays.hpp"
 #include "bind.hpp"
+#include "errors.hpp"
 #include "model.hpp"
+#include "study/linear_model.hpp"
 
 namespace fork1s::python {
 namespace {
@@ -22,9 +24,110 @@ View TwistMaps(const Reduced& m) {
   return View(m->T.data(), 3, shape, Hold(m), strides);
 }
 
+// (e, 4, 4)
+Array PosesOf(const std::vector<RigidTransform>& poses) {
+  std::vector<double> numbers;
+  for (const RigidTransform& X : poses) {
+    const MatrixX rows = Homogeneous(X).transpose();
+    numbers.insert(numbers.end(), rows.data(), rows.data() + rows.size());
+  }
+  return Own(std::move(numbers), {poses.size(), 4, 4});
+}
+
+// NAME, NAME_units of a class that has these signals.
+template <class T>
+void BindSignals(nb::class_<T>& of, const char* name, const char* units, Signals T::*signals,
+                 const char* text) {
+  of.def_prop_ro(
+      name, [signals](const T& s) { return (s.*signals).names; }, text);
+  of.def_prop_ro(
+      units, [signals](const T& s) { return (s.*signals).units; }, "Their units.");
+}
+
+template <class T>
+void BindMatrix(nb::class_<T>& of, const char* name, MatrixX T::*matrix, const char* text) {
+  of.def_prop_ro(
+      name, [matrix](const T& s) { return OwnMatrix(s.*matrix); }, text, kOwn);
+}
+
+template <class T>
+void BindVector(nb::class_<T>& of, const char* name, VectorX T::*vector, const char* text) {
+  of.def_prop_ro(
+      name, [vector](const T& s) { return OwnVector(s.*vector); }, text, kOwn);
+}
+
+constexpr const char* kCoordinateNames =
+    "(s) names: the r columns of Q, then 'BASE.rx' to 'BASE.z' of a floating base.";
+constexpr const char* kInputNames =
+    "(m) names: controls, then 'BODY.rx' to 'BODY.z' of the wrench on each interface body.";
+constexpr const char* kOutputNames =
+    "(l) names: 'BODY.rx' to 'BODY.z' of each interface body, then joint coordinates.";
+
+void BindLinearModel(nb::module_& m) {
+  nb::class_<LinearModel> linear(m, "LinearModel",
+                                 R"(Equations of motion of a mechanism to first order about its start:
+
+    M p'' + D p' + K p = f + B u,    y = C p
+
+p: the reduced coordinates of `Matrices`, then of a floating base its rotation vector and the displacement of its origin,
+world axes; a fixed or driven base is held. u: changes of the controls, then on every interface body the moment about its
+origin and the force there, world axes. y: rotation vector and displacement of the origin of every interface body, world
+axes, then joint coordinates. Stiffness is that of springs and set-points. Left out: the geometric stiffness of weight and
+preload, limits, bounds of forces, dry friction, contact.)");
+  BindMatrix(linear, "M", &LinearModel::M, "(s, s) inertia.");
+  BindMatrix(linear, "D", &LinearModel::D, "(s, s) damping.");
+  BindMatrix(linear, "K", &LinearModel::K, "(s, s) stiffness: 0 or 1 on the diagonal.");
+  BindMatrix(linear, "B", &LinearModel::B, "(s, m) forces per input.");
+  BindMatrix(linear, "C", &LinearModel::C, "(l, s) outputs per coordinate.");
+  BindVector(linear, "f", &LinearModel::f,
+             "(s,) force of weight, springs and controls at the start: 0 at rest.");
+  BindVector(linear, "u_ref", &LinearModel::u_ref, "(m,) controls at the start, 0 for wrenches.");
+  BindVector(linear, "q_ref", &LinearModel::q_ref, "(n,) joint coordinates at the start, rad or m.");
+  BindSignals(linear, "coordinates", "coordinate_units", &LinearModel::coordinates, kCoordinateNames);
+  BindSignals(linear, "inputs", "input_units", &LinearModel::inputs, kInputNames);
+  BindSignals(linear, "outputs", "output_units", &LinearModel::outputs, kOutputNames);
+  BindSignals(linear, "joints", "joint_units", &LinearModel::joints, "(n) names of joint coordinates.");
+  linear
+      .def_prop_ro(
+          "X_WB_ref", [](const LinearModel& s) { return PosesOf(s.X_WB_ref); },
+          "(e, 4, 4) poses of the interface bodies at the start.", kOwn)
+      .def_prop_ro(
+          "interfaces", [](const LinearModel& s) { return s.interfaces; },
+          "(e) names of the interface bodies.")
+      .def(
+          "state_space", [](const LinearModel& s) { return Take(ToStateSpace(s)); },
+          "The same as first-order equations (`StateSpace`). Raises NumericsError for a motion without inertia.")
+      .def("__repr__", [](const LinearModel& s) {
+        return "<fork1s.LinearModel of " + std::to_string(s.M.rows()) + " coordinates, " +
+               std::to_string(s.B.cols()) + " inputs, " + std::to_string(s.C.rows()) + " outputs>";
+      });
+
+  nb::class_<StateSpace> space(m, "StateSpace",
+                               R"(A mechanism to first order about its start, as control libraries take it:
+
+    x' = A x + B u + c,    y = C x + D u,    x = [p, p']
+
+p, u and y are those of `LinearModel`. c is 0 where the start is at rest; a library that has no c describes the motion about
+the place where the mechanism comes to rest.)");
+  BindMatrix(space, "A", &StateSpace::A, "(2s, 2s)");
+  BindMatrix(space, "B", &StateSpace::B, "(2s, m)");
+  BindMatrix(space, "C", &StateSpace::C, "(l, 2s)");
+  BindMatrix(space, "D", &StateSpace::D, "(l, m), all 0.");
+  BindVector(space, "c", &StateSpace::c, "(2s,) acceleration that the forces at the start give.");
+  BindSignals(space, "states", "state_units", &StateSpace::states,
+              "(2s) names: coordinates, then 'rate of ...'.");
+  BindSignals(space, "inputs", "input_units", &StateSpace::inputs, kInputNames);
+  BindSignals(space, "outputs", "output_units", &StateSpace::outputs, kOutputNames);
+  space.def("__repr__", [](const StateSpace& s) {
+    return "<fork1s.StateSpace of " + std::to_string(s.A.rows()) + " states, " + std::to_string(s.B.cols()) +
+           " inputs, " + std::to_string(s.C.rows()) + " outputs>";
+  });
+}
+
 }  // namespace
 
 void BindReduction(nb::module_& m) {
+  BindLinearModel(m);
   nb::class_<ReducedModel>(m, "Matrices", R"(The reduced model about the pose where the simulation starts.
 
 Sizes: n joint coordinates, r reduced coordinates z, b bodies. Joint displacements are
