@@ -8,7 +8,7 @@ import pytest
 
 import fork1s
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "control.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "linearize.md"
 SPRING = """
 <mujoco>
   <option gravity="0 0 0" timestep="0.01"/>
