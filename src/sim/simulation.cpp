@@ -105,6 +105,7 @@ StepReport Simulation::Step(bool controls_move) {
   base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());
   if (report.finite) {  // else the state is that before the step
     last_controls_ = controls_;
+    has_last_step_ = true;
     ++steps_;
   } else {
     start_motions_.clear();

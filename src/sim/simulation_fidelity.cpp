@@ -201,6 +201,8 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   holds_ = std::move(holds);
   places_ = std::move(*places);
   pushed_W_.clear();
+  has_last_step_ = false;
+  start_motions_.clear();
   ListBodies();
   return {};
 }

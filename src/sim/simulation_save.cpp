@@ -8,8 +8,9 @@
 namespace fork1s {
 
 Simulation::Snapshot Simulation::Save() const {
-  Snapshot snapshot{steps_, controls_,      last_controls_,  base_rates_, fidelity_,
-                    holds_, present_scene_, world_keyframe_, base_start_, {}};
+  Snapshot snapshot{steps_,         controls_,      last_controls_,      base_rates_, fidelity_,
+                    holds_,         present_scene_, world_keyframe_,     base_start_, {},
+                    has_last_step_, start_motions_, last_point_springs_, pushed_W_};
   world_.Save(snapshot.world);
   return snapshot;
 }
@@ -51,8 +52,10 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   last_controls_ = snapshot.last_controls;
   base_rates_ = snapshot.base_rates;
   base_start_ = snapshot.base_start;
-  pushed_W_.clear();
-  start_motions_.clear();
+  has_last_step_ = snapshot.has_last_step;
+  start_motions_ = snapshot.start_motions;
+  last_point_springs_ = snapshot.last_point_springs;
+  pushed_W_ = snapshot.pushed_W;
   ListBodies();
   return {};
 }

@@ -150,8 +150,12 @@ class Simulation {
   /// Twist of a body [ω_W; velocity of its origin], world axes.
   Vector6 Velocity(int body) const;
   /// Motions of all bodies at the start of the last step, in scenes whose sensors need them: those of
-  /// accelerations and of forces between bodies. Empty before the first step and after Restore.
+  /// accelerations and of forces between bodies. Empty where has_last_step() is false and
+  /// after a step that was undone.
   const std::vector<BodyMotion>& start_motions() const { return start_motions_; }
+  /// Whether world() has the contacts and stops of a step: not before the first one, and not between SetFidelity
+  /// and the next one.
+  bool has_last_step() const { return has_last_step_; }
   /// Force [N] and moment [N·m], constant in world axes during the next step only. The force acts at the
   /// point of the body that is at `point_W` now.
   void ApplyWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
@@ -189,6 +193,11 @@ class Simulation {
     int keyframe = -1;                       // at which that world was made
     std::vector<RigidTransform> base_start;  // where the controls of driven bases count from
     WorldState world;
+    // Of the last step.
+    bool has_last_step = false;
+    std::vector<BodyMotion> start_motions;
+    std::vector<BodyPointSpring> last_point_springs;
+    std::vector<Matrix6X> pushed_W;
   };
   Snapshot Save() const;
   /// Goes back to it: the same steps from there give the same bits. Options of the step (dt, gravity,
@@ -234,7 +243,7 @@ class Simulation {
   std::vector<RigidTransform> base_start_;  // per mechanism
   std::vector<Matrix6X>
       pushed_W_;  // wrenches of the last step, as world_ counts; empty where nothing is held
-  bool records_start_motions_ = false;
+  bool records_start_motions_ = false, has_last_step_ = false;
   std::vector<BodyMotion> start_motions_;
   std::vector<SceneBody> bodies_;
   std::vector<std::vector<int>>
