@@ -57,6 +57,12 @@ int WriteTables(const ExportArguments& args) {
   if (!recording) return Report(recording.error(), false);
   const auto steps = ExportCsv(*recording, args.out, options);
   if (!steps) return Report(steps.error(), false);
+  const RecordingHeader& header = recording->header();
+  if (!header.scene.sensors.empty() && header.sensor_names.empty())
+    PrintText(stderr,
+              "warning: {} was written by {}, which did not record what sensors measure: sensors.csv has the "
+              "time alone; run the model again with --record\n",
+              header.path, header.program);
   PrintText("wrote {} steps to {}/*.csv\n", *steps, args.out);
   return kDone;
 }
@@ -204,7 +210,8 @@ void AddExport(CLI::App& app, Action& action) {
   command
       ->add_option(
           "out", args->out,
-          "a folder for poses.csv, contacts.csv, pairs.csv, controls.csv, energy.csv; FILE.html: "
+          "a folder for poses.csv, contacts.csv, pairs.csv, controls.csv, energy.csv, sensors.csv; "
+          "FILE.html: "
           "one page that "
           "plays from "
           "disk; FILE.glb, FILE.gltf: a moving scene for other programs; FILE.mp4: a film; "

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/sim/sensors.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "accuracy_choice.hpp"
@@ -48,6 +49,19 @@ Json EndsJson(const std::vector<EndReached>& ends) {
   return out;
 }
 
+// Values at the end of the last step; NaN is null.
+void AddSensors(const Simulation& simulation, Json& out) {
+  const Sensors sensors(simulation);
+  out["sensors"] = out["sensors_missing"] = Json::object();
+  for (int i = 0; i < sensors.count(); ++i) {
+    const SensorDef& sensor = sensors.definition(i);
+    Json& values = out["sensors"][sensor.name] = Json::array();
+    for (const double value : sensors[i])
+      values.push_back(std::isfinite(value) ? Json(value) : Json(nullptr));
+    if (!sensor.reason.empty()) out["sensors_missing"][sensor.name] = sensor.reason;
+  }
+}
+
 }  // namespace
 
 Json Summary(const Simulation& simulation, const Measured& m) {
@@ -86,6 +100,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["load_factor"] = Json::array();
   for (const Measured::Load& l : m.loads)
     out["load_factor"].push_back({{"time_s", l.time}, {"factor", l.load.factor}, {"body", l.load.body}});
+  AddSensors(simulation, out);
   if (m.error) m.error->AddTo(out);
   out["step_us"] = {{"median", percentile(0.5)}, {"p99", percentile(0.99)}};
   out["detail"] = Json::array();

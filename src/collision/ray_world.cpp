@@ -82,17 +82,30 @@ void RayWorld::SetPose(int body, const RigidTransform& X_WB) {
     WriteShapePose(detail.data.get(), id, X_WB * detail.shapes[static_cast<std::size_t>(id)].X_BM);
 }
 
-std::optional<RayHit> RayWorld::Cast(const Vector3& origin, const Vector3& direction, double reach) {
+std::optional<RayHit> RayWorld::Cast(const Vector3& origin, const Vector3& direction, double reach, int body,
+                                     std::span<const int> unseen) {
   const double length = direction.norm();
   FORK1S_REQUIRE(origin.allFinite() && std::isfinite(length), "from", origin.transpose(), "along",
                  direction.transpose(), "; give finite numbers");
   FORK1S_REQUIRE(length > 0, "a ray of no direction; give a vector that is not 0");
   FORK1S_REQUIRE(reach >= 0, "a reach of", reach, "m; give 0 or more");
   const Vector3 along = direction / length;
+  // All shapes are of group 0; those that the ray goes through are of group 1 meanwhile.
+  constexpr mjtByte kSeen[mjNGROUP] = {1};
+  FORK1S_REQUIRE(unseen.empty() || (body >= 0 && body < static_cast<int>(detail_->of_body.size())), body);
+  const auto set_group = [&](int group) {
+    if (unseen.empty()) return;
+    for (const int shape : detail_->of_body[static_cast<std::size_t>(body)])
+      if (std::find(unseen.begin(), unseen.end(),
+                    detail_->shapes[static_cast<std::size_t>(shape)].geometry) != unseen.end())
+        detail_->model->geom_group[shape] = group;
+  };
   RayHit hit;
   int id = -1;
-  hit.distance = mj_ray(detail_->model.get(), detail_->data.get(), origin.data(), along.data(), nullptr, 1,
-                        -1, &id, hit.normal.data());
+  set_group(1);
+  hit.distance = mj_ray(detail_->model.get(), detail_->data.get(), origin.data(), along.data(), kSeen, 1, -1,
+                        &id, hit.normal.data());
+  set_group(0);
   if (id < 0 || hit.distance < 0 || hit.distance > reach) return std::nullopt;
   const Detail::Seen& shape = detail_->shapes[static_cast<std::size_t>(id)];
   hit.body = shape.body;

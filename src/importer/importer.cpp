@@ -9,6 +9,7 @@
 #include "conversion.hpp"
 #include "importer/model_copy.hpp"
 #include "importer/mujoco_import.hpp"
+#include "mechanism/sensor_stiffness.hpp"
 #include "mujoco_model.hpp"
 #include "names.hpp"
 #include "prepared_model.hpp"
@@ -60,17 +61,6 @@ void SetUp(Conversion& c) {
            fmt::format("steps of 1/60 s are taken, not the file's {} s; the option dt sets others",
                        m.opt.timestep));
   }
-}
-
-// As ScaleStiffness scales those of the mechanism.
-void ScaleGains(const Scene& scene, double factor, SensorActuator& actuator) {
-  const auto& controls = scene.mechanisms[static_cast<std::size_t>(actuator.mechanism)].controls;
-  for (auto& [name, gain] : actuator.inputs)
-    for (const ControlDef& control : controls)
-      if (control.name == name && control.is_setpoint) gain *= factor;
-  actuator.stiffness *= factor;
-  actuator.damping *= std::sqrt(factor);
-  if (actuator.stiffness > 0) actuator.bias *= factor;
 }
 
 // A model file as MuJoCo is to read it.
@@ -176,10 +166,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
     for (MechanismDef& mechanism : c.scene.mechanisms) {
       mechanism = ScaleStiffness(std::move(mechanism), options.stiffness_scale);
     }
-    for (SensorDef& sensor : c.scene.sensors) {
-      for (SensorActuator& actuator : sensor.actuators)
-        ScaleGains(c.scene, options.stiffness_scale, actuator);
-    }
+    ScaleSensorLaws(options.stiffness_scale, c.scene);
     for (ServoGains& servo : c.report.servos) {
       servo.stiffness *= options.stiffness_scale;
       servo.bias *= options.stiffness_scale;

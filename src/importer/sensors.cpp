@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "conversion.hpp"
+#include "names.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -185,11 +186,12 @@ SensorDef CutSensor(const Conversion& c, SensorDef s, SensorKind kind, int i) {
   return s;
 }
 
-SensorDef TouchSensor(const Conversion& c, SensorDef s, int i) {
+// With the volume of a site.
+SensorDef VolumeSensor(const Conversion& c, SensorDef s, SensorKind kind, int i, int site) {
   const mjModel& m = c.m;
-  const int site = m.sensor_objid[i];
   const mjtNum* size = m.site_size + 3 * site;
-  s = FrameSensor(c, std::move(s), SensorKind::kTouch, i, true);
+  s = FrameSensor(c, std::move(s), kind, i, true);
+  if (s.kind == SensorKind::kUnknown) return s;
   switch (m.site_type[site]) {
     case mjGEOM_SPHERE:
       s.volume = Sphere{size[0]};
@@ -211,10 +213,101 @@ SensorDef TouchSensor(const Conversion& c, SensorDef s, int i) {
   }
 }
 
-SensorDef LimitForceSensor(Conversion& c, SensorDef s, int joint) {
-  if (c.m.jnt_type[joint] == mjJNT_BALL)
+SensorDef LimitForceSensor(Conversion& c, SensorDef s, int type, int id) {
+  if (type == mjOBJ_TENDON)
+    s.limit = NameOr(c.m, c.m.name_tendonadr[id], "tendon", id);  // ConvertTendonLimits
+  else if (c.m.jnt_type[id] == mjJNT_BALL)
     return Unknown(std::move(s), "a cone limit of a ball joint is not simulated");
-  return LengthSensor(c, std::move(s), SensorKind::kLimitForce, mjOBJ_JOINT, joint);
+  return LengthSensor(c, std::move(s), SensorKind::kLimitForce, type, id);
+}
+
+// The ray sees what touches (RayWorld), but not the geoms of the body of its site.
+SensorDef DistanceSensor(const Conversion& c, SensorDef s, int i) {
+  const mjModel& m = c.m;
+  if (m.sensor_objtype[i] != mjOBJ_SITE || m.sensor_intprm[mjNSENS * i] != 1 << mjRAYDATA_DIST)
+    return Unknown(std::move(s), "only the distance along the ray of a site is computed");
+  s = FrameSensor(c, std::move(s), SensorKind::kDistance, i, true);
+  const int body = m.site_bodyid[m.sensor_objid[i]];
+  const SensorBody& place = s.frame.body;
+  const std::vector<GeometryDef>& shapes =
+      place.is_world() ? c.scene.world
+      : place.mechanism < 0
+          ? c.scene.free_bodies[static_cast<std::size_t>(place.free_body)].geometries
+          : c.scene.mechanisms[static_cast<std::size_t>(place.mechanism)].bodies[place.body.u()].geometries;
+  for (int g = m.body_geomadr[body]; g >= 0 && g < m.body_geomadr[body] + m.body_geomnum[body]; ++g) {
+    const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
+    for (std::size_t k = 0; k < shapes.size(); ++k)
+      if (shapes[k].name == name) s.unseen.push_back(static_cast<int>(k));
+  }
+  return s;
+}
+
+SensorDef InsideSensor(const Conversion& c, SensorDef s, int i) {
+  if (c.m.sensor_reftype[i] != mjOBJ_SITE) return Unknown(std::move(s), "this kind is not computed here");
+  return VolumeSensor(c, std::move(s), SensorKind::kInside, i, c.m.sensor_refid[i]);
+}
+
+// Weight of all bodies and springs of joints and tendons, as MuJoCo counts them: not those of actuators.
+SensorDef PotentialEnergySensor(Conversion& c, SensorDef s) {
+  const mjModel& m = c.m;
+  s.kind = SensorKind::kPotentialEnergy;
+  for (int b = 1; b < m.nbody; ++b) {
+    const SensorBody place = PlaceOf(c, b);
+    if (place.is_world()) {
+      s.at_reference -=
+          m.body_mass[b] * c.scene.gravity.dot(c.WorldPose(b) * Vector3(Vec3(m.body_ipos + 3 * b)));
+      continue;
+    }
+    // A free body has the masses of all that is fixed to it.
+    if (place.free_body >= 0 &&
+        c.scene.free_bodies[static_cast<std::size_t>(place.free_body)].name != c.body_names[b])
+      continue;
+    s.subtree.push_back(place);
+  }
+  if (m.opt.disableflags & mjDSBL_SPRING) return s;
+  const auto has_spring = [](const mjtNum* linear, const mjtNum* higher, int i) {
+    return linear[i] != 0 ||
+           std::any_of(higher + mjNPOLY * i, higher + mjNPOLY * (i + 1), [](mjtNum k) { return k != 0; });
+  };
+  const auto add = [&](const Length& length, double rest, double slack, double k, const mjtNum* higher) {
+    SensorDef of;
+    if (!PutLengthOf(c, length, {}, of)) return false;
+    if (of.mechanism < 0) return true;  // it does not move
+    SpringDef spring;
+    spring.terms = of.terms;
+    spring.along = of.along;
+    spring.rest = rest;
+    spring.slack = slack;
+    spring.stiffness = k;
+    std::copy_n(higher, 2, spring.higher_stiffness.begin());
+    s.springs.push_back({of.mechanism, std::move(spring)});
+    return true;
+  };
+  constexpr const char* kLeftOut = "it counts springs of a free joint, which are not simulated";
+  constexpr mjtNum kLinear[mjNPOLY] = {};
+  for (int j = 0; j < m.njnt; ++j) {
+    if (!has_spring(m.jnt_stiffness, m.jnt_stiffnesspoly, j)) continue;
+    const int dof = m.jnt_dofadr[j], at = m.jnt_qposadr[j];
+    if (m.jnt_type[j] == mjJNT_FREE) return Unknown(std::move(s), kLeftOut);
+    const bool is_ball = m.jnt_type[j] == mjJNT_BALL;
+    for (int k = 0; k < (is_ball ? 3 : 1); ++k) {
+      Length length;
+      length.terms = {{dof + k, 1.0}};
+      // Ball joints are sprung towards the reference, and have the linear part alone.
+      if (!add(length, is_ball ? 0 : m.qpos_spring[at] - m.qpos0[at], 0, m.jnt_stiffness[j],
+               is_ball ? kLinear : m.jnt_stiffnesspoly + mjNPOLY * j))
+        return Unknown(std::move(s), kNotOfOneMechanism);
+    }
+  }
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (!has_spring(m.tendon_stiffness, m.tendon_stiffnesspoly, t)) continue;
+    const Length length = TendonLength(m, c.d, t);
+    const mjtNum* range = m.tendon_lengthspring + 2 * t;
+    if (!add(length, range[0] - length.at_reference, range[1] - range[0], m.tendon_stiffness[t],
+             m.tendon_stiffnesspoly + mjNPOLY * t))
+      return Unknown(std::move(s), kNotOfOneMechanism);
+  }
+  return s;
 }
 
 // The law of an actuator; nothing where proportional-derivative control has taken its place.
@@ -281,6 +374,22 @@ SensorDef JointActuatorForceSensor(Conversion& c, SensorDef s, int joint) {
   return s;
 }
 
+SensorDef TendonActuatorForceSensor(Conversion& c, SensorDef s, int tendon) {
+  const mjModel& m = c.m;
+  s.kind = SensorKind::kTendonActuatorForce;
+  if (m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
+  const std::vector<LinearActuator> laws = LinearActuators(m, c.d);
+  for (int i = 0; i < m.nactuator; ++i) {
+    if (m.actuator_trntype[i] != mjTRN_TENDON || m.actuator_trnid[2 * i] != tendon) continue;
+    const auto law = std::find_if(laws.begin(), laws.end(), [&](const auto& a) { return a.actuator == i; });
+    auto actuator = law == laws.end() || !law->left_out.empty() ? std::nullopt : ActuatorOf(c, *law);
+    if (!actuator) return Unknown(std::move(s), kNoLaw);
+    s.mechanism = actuator->mechanism;
+    s.actuators.push_back(std::move(*actuator));
+  }
+  return s;
+}
+
 SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {
   const mjModel& m = c.m;
   const int type = m.sensor_objtype[i], id = m.sensor_objid[i];
@@ -342,9 +451,18 @@ SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {
     case mjSENS_TORQUE:
       return CutSensor(c, std::move(s), K::kTorque, i);
     case mjSENS_TOUCH:
-      return TouchSensor(c, std::move(s), i);
+      return VolumeSensor(c, std::move(s), K::kTouch, i, id);
     case mjSENS_JOINTLIMITFRC:
-      return LimitForceSensor(c, std::move(s), id);
+    case mjSENS_TENDONLIMITFRC:
+      return LimitForceSensor(c, std::move(s), type, id);
+    case mjSENS_RANGEFINDER:
+      return DistanceSensor(c, std::move(s), i);
+    case mjSENS_INSIDESITE:
+      return InsideSensor(c, std::move(s), i);
+    case mjSENS_TENDONACTFRC:
+      return TendonActuatorForceSensor(c, std::move(s), id);
+    case mjSENS_E_POTENTIAL:
+      return PotentialEnergySensor(c, std::move(s));
     case mjSENS_ACTUATORFRC:
       return ActuatorForceSensor(c, std::move(s), id);
     case mjSENS_JOINTACTFRC:

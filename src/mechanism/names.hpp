@@ -32,6 +32,7 @@ inline constexpr std::pair<SensorKind, const char*> kSensorKindNames[] = {
     {SensorKind::kUnknown, "unknown"},
     {SensorKind::kTime, "time"},
     {SensorKind::kKineticEnergy, "kinetic-energy"},
+    {SensorKind::kPotentialEnergy, "potential-energy"},
     {SensorKind::kLength, "length"},
     {SensorKind::kLengthRate, "length-rate"},
     {SensorKind::kLimitDistance, "limit-distance"},
@@ -56,7 +57,10 @@ inline constexpr std::pair<SensorKind, const char*> kSensorKindNames[] = {
     {SensorKind::kTorque, "torque"},
     {SensorKind::kTouch, "touch"},
     {SensorKind::kActuatorForce, "actuator-force"},
-    {SensorKind::kJointActuatorForce, "joint-actuator-force"}};
+    {SensorKind::kJointActuatorForce, "joint-actuator-force"},
+    {SensorKind::kTendonActuatorForce, "tendon-actuator-force"},
+    {SensorKind::kDistance, "distance"},
+    {SensorKind::kInside, "inside"}};
 
 /// The word of a value in one of these lists; "" for what is none.
 template <class T, std::size_t count>

@@ -4,11 +4,15 @@
 #include <bit>
 #include <cstdint>
 #include <fork1s/record/recording.hpp>
+#include <string>
 #include <type_traits>
+#include <vector>
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 19;
+inline constexpr int kFormatVersion = 20;
+// Values of sensors are recorded since this one.
+inline constexpr int kVersionOfSensors = 20;
 // The oldest that is read, and all to kFormatVersion are: couplings have terms since 19. This one differs in the step
 // as well: `theta` and stepping by twists were other integrators, `euler` had other rules.
 inline constexpr int kVersionOfOtherSteps = 17;
@@ -16,7 +20,7 @@ inline constexpr const char* kFormatName = "fork1s recording";
 
 /// Values per row.
 struct Widths {
-  int controls = 0, base_rates = 0, bodies = 0, coordinates = 0, mechanisms = 0;
+  int controls = 0, base_rates = 0, bodies = 0, coordinates = 0, sensors = 0, mechanisms = 0;
 };
 
 /// Rows of a column are steps, or those of a table of which a step has any number.
@@ -31,6 +35,15 @@ struct Column {
   const char* unit = "";
   const char* text = "";
 };
+
+/// Names of all values of the sensors of a scene, in their order: NAME where it has one value, else NAME.0, ...
+inline std::vector<std::string> SensorValueNames(const Scene& scene) {
+  std::vector<std::string> names;
+  for (const SensorDef& sensor : scene.sensors)
+    for (int k = 0; k < sensor.size; ++k)
+      names.push_back(sensor.size == 1 ? sensor.name : sensor.name + "." + std::to_string(k));
+  return names;
+}
 
 /// Calls f(column, values) for every column.
 template <class Steps, class F>
@@ -57,6 +70,9 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/coordinates", kS, n.coordinates, 0, "rad or m",
            "joint displacements from the reference after the step; columns: /names/coordinates"},
     s.coordinates);
+  f(Column{"steps/sensors", kS, n.sensors, 0, "as docs/formats.md has it for each kind",
+           "what sensors measured at the end of the step, NaN: no value; columns: /names/sensors"},
+    s.sensors);
   f(Column{"steps/base_poses", kS, 7 * n.mechanisms, 7, "m, 1",
            "x y z qw qx qy qz of every mechanism's root frame"},
     s.base_poses);

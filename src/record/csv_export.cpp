@@ -68,7 +68,9 @@ class Tables {
         contacts_(folder / "contacts.csv"),
         pairs_(folder / "pairs.csv"),
         controls_(folder / "controls.csv"),
-        energy_(folder / "energy.csv") {
+        energy_(folder / "energy.csv"),
+        sensors_(folder / "sensors.csv"),
+        num_sensor_values_(header.sensor_names.size()) {
     for (std::size_t b = 0; b < names_.size(); ++b) {
       const SceneBody& body = header.bodies[b];
       if (options.all_bodies || body.is_interface || body.mechanism < 0) AddPoseColumns(b);
@@ -90,6 +92,7 @@ class Tables {
                              "normal.z", "force.x", "force.y", "force.z", "gap", "friction"})
       contacts_.Name(name);
     for (const std::string& name : header.control_names) controls_.Name(name);
+    for (const std::string& name : header.sensor_names) sensors_.Name(name);
     for (const char* name : {"kinetic", "potential", "total"}) energy_.Name(name);
     for (Table* table : All()) table->End();
   }
@@ -103,6 +106,7 @@ class Tables {
       controls_.Start(part.data().time[static_cast<std::size_t>(i)]);
       controls_.AddAll(part.Controls(i));
       controls_.End();
+      AddSensors(part.data(), static_cast<std::size_t>(i));
     }
   }
 
@@ -113,7 +117,7 @@ class Tables {
   }
 
  private:
-  std::array<Table*, 5> All() { return {&poses_, &contacts_, &pairs_, &controls_, &energy_}; }
+  std::array<Table*, 6> All() { return {&poses_, &contacts_, &pairs_, &controls_, &energy_, &sensors_}; }
   void AddPoseColumns(std::size_t body) {
     chosen_.push_back(body);
     for (const char* part : {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"}) poses_.Name(names_[body] + part);
@@ -184,13 +188,20 @@ class Tables {
     energy_.Add(data.kinetic_energy[i] + data.potential_energy[i]);
     energy_.End();
   }
+  void AddSensors(const RecordedSteps& data, std::size_t i) {
+    sensors_.Start(data.time[i]);
+    for (std::size_t k = 0; k < num_sensor_values_; ++k)
+      sensors_.Add(data.sensors[i * num_sensor_values_ + k]);
+    sensors_.End();
+  }
 
   std::vector<std::string> names_;
   std::vector<std::size_t> chosen_;
   std::vector<int> bases_;  // mechanisms whose base moves
   std::vector<std::string> base_names_;
   std::size_t num_mechanisms_ = 0;
-  Table poses_, contacts_, pairs_, controls_, energy_;
+  Table poses_, contacts_, pairs_, controls_, energy_, sensors_;
+  std::size_t num_sensor_values_ = 0;
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <chrono>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/sensors.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <optional>
 
@@ -85,6 +86,8 @@ void WriteHeader(hid_t file, const Simulation& simulation) {
   WriteTexts(names_group.id(), "controls", simulation.control_names(), {});
   WriteTexts(names_group.id(), "coordinates", coordinates,
              {"", "joint coordinates, mechanism after mechanism"});
+  WriteTexts(names_group.id(), "sensors", SensorValueNames(simulation.scene()),
+             {"", "values of sensors in the order of the file"});
   WriteTexts(names_group.id(), "mechanisms", mechanisms, {});
   WriteArray(names_group.id(), "body_mechanism", owner, {"", "mechanism of each body, -1: a free body"});
   WriteArray(names_group.id(), "body_index", index,
@@ -121,6 +124,7 @@ struct Recorder::Detail {
   std::vector<Hdf5> datasets;  // in the order of ForEachColumn; empty handles where a column has no width
   RecordedSteps pending;
   std::vector<RigidTransform> poses;   // scratch
+  std::optional<Sensors> sensors;      // where the scene has some
   std::int64_t totals[kNumRows] = {};  // rows appended
   std::int64_t steps_on_disk = 0;
   std::chrono::steady_clock::time_point last_flush = std::chrono::steady_clock::now();
@@ -179,6 +183,11 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
   d.widths.mechanisms = static_cast<int>(world.mechanisms().size());
   for (int i = 0; i < d.widths.mechanisms; ++i)
     d.widths.coordinates += static_cast<int>(simulation.JointCoordinates(i).size());
+
+  if (!simulation.scene().sensors.empty()) {
+    d.sensors.emplace(simulation);
+    d.widths.sensors = static_cast<int>(d.sensors->values().size());
+  }
 
   auto output = OutputFile::Create(path, kHdf5File);
   if (!output) return tl::unexpected(output.error());
@@ -281,6 +290,10 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
     s.reduced_sizes.push_back(static_cast<int>(m.state().z.size()));
     add(s.z, m.state().z);
     add(s.w, m.state().w);
+  }
+  if (sensors) {
+    sensors->Update(simulation);
+    add(s.sensors, sensors->values());
   }
   const Fidelity& fidelity = simulation.fidelity();
   s.detail.push_back(static_cast<std::uint8_t>(fidelity.level));

@@ -63,6 +63,14 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
   const auto bodies = ReadTexts(names.id(), "bodies", most);
   h.control_names = ReadTexts(names.id(), "controls", most);
   h.coordinate_names = ReadTexts(names.id(), "coordinates", most);
+  if (version >= kVersionOfSensors) {
+    h.sensor_names = ReadTexts(names.id(), "sensors", most);
+    std::size_t values = 0;
+    for (const SensorDef& sensor : h.scene.sensors)
+      values += sensor.size < 0 ? most : static_cast<std::size_t>(sensor.size);
+    if (h.sensor_names.size() != values || h.sensor_names != SensorValueNames(h.scene))
+      throw Hdf5Fault("the list of sensors does not match the scene");
+  }
   const auto owner = ReadList<int>(names.id(), "body_mechanism", most);
   const auto index = ReadList<int>(names.id(), "body_index", most);
   const auto is_interface = ReadList<std::uint8_t>(names.id(), "body_is_interface", most);

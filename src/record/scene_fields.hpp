@@ -267,14 +267,22 @@ void Fields(A& a, Like<SensorActuator, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<SensorSpring, A>& s) {
+  auto& [mechanism, spring] = s;
+  a("mechanism", mechanism), a("spring", spring);
+}
+
+template <class A>
 void Fields(A& a, Like<SensorDef, A>& s) {
   auto& [name, kind, size, frame, reference, own_axes, subtree, mechanism, terms, along, at_reference, lower,
-         upper, volume, field_W, actuators, clip_lower, clip_upper, reason] = s;
+         upper, volume, field_W, actuators, springs, unseen, limit, clip_lower, clip_upper, reason] = s;
   a("name", name), a("kind", kind), a("size", size), a("frame", frame);
   a("reference", reference), a("own_axes", own_axes), a("subtree", subtree), a("mechanism", mechanism);
   a("terms", terms), a("along", along), a("at_reference", at_reference), a("lower", lower);
   a("upper", upper), a("volume", volume), a("field_W", field_W), a("actuators", actuators);
   a("clip_lower", clip_lower), a("clip_upper", clip_upper), a("reason", reason);
+  // Files of version 19 have no sensors of such kinds.
+  a.Optional("springs", springs), a.Optional("unseen", unseen), a.Optional("limit", limit);
 }
 
 template <class A>

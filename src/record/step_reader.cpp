@@ -14,6 +14,7 @@ Widths WidthsOf(const RecordingHeader& header) {
   n.bodies = static_cast<int>(header.bodies.size());
   n.mechanisms = static_cast<int>(header.scene.mechanisms.size());
   n.coordinates = static_cast<int>(header.coordinate_names.size());
+  n.sensors = static_cast<int>(header.sensor_names.size());
   return n;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "ray_bodies.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -85,14 +87,7 @@ std::vector<BodyContact> Contacts(const Simulation& simulation) {
 }
 
 Expected<RayCaster> RayCaster::Create(const Simulation& simulation) {
-  // In the order of Simulation::bodies(): mechanism by mechanism, then free bodies; the world last.
-  std::vector<CollisionBodyDef> bodies;
-  for (const MechanismDef& mechanism : simulation.scene().mechanisms)
-    for (const BodyDef& body : mechanism.bodies) bodies.push_back({body.name, body.geometries, true, {}});
-  for (const FreeBodyDef& body : simulation.scene().free_bodies)
-    bodies.push_back({body.name, body.geometries, true, {}});
-  bodies.push_back({"world", simulation.scene().world, false, {}});
-  auto world = RayWorld::Create(std::move(bodies));
+  auto world = RayWorld::Create(internal::RayBodies(simulation.scene()));
   if (!world) return tl::unexpected(world.error());
   return RayCaster(std::move(*world));
 }

@@ -7,6 +7,8 @@
 #include <map>
 #include <utility>
 
+#include "mechanism/sensor_stiffness.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -68,7 +70,10 @@ Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double
     for (const JointDef& joint : built->definition().joints)
       for (std::size_t f = 0; f < joint.freedoms.size(); ++f, ++at) {
         if (built->CoordinateName(at) == coordinate) {
-          def = SetStiffness(std::move(def), {def.FindJoint(joint.name), static_cast<int>(f)}, stiffness);
+          const FreedomRef freedom{def.FindJoint(joint.name), static_cast<int>(f)};
+          internal::SetSensorStiffness(static_cast<std::size_t>(&def - scene.mechanisms.data()), freedom,
+                                       stiffness, scene);
+          def = SetStiffness(std::move(def), freedom, stiffness);
           return scene;
         }
         known += (known.empty() ? "" : ", ") + built->CoordinateName(at);

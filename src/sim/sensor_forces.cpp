@@ -83,7 +83,24 @@ bool RayMeets(const Shape& shape, const Vector3& p, const Vector3& d) {
   return false;
 }
 
+// Whether a shape has a point in it, both in the frame of the shape.
+bool Contains(const Shape& shape, const Vector3& p) {
+  if (const auto* s = std::get_if<Sphere>(&shape)) return p.norm() <= s->radius;
+  if (const auto* s = std::get_if<Capsule>(&shape))
+    return (p - Vector3(0, 0, std::clamp(p.z(), -s->half_length, s->half_length))).norm() <= s->radius;
+  if (const auto* s = std::get_if<Cylinder>(&shape))
+    return std::abs(p.z()) <= s->half_length && p.head<2>().norm() <= s->radius;
+  if (const auto* s = std::get_if<Ellipsoid>(&shape)) return p.cwiseQuotient(s->radii).norm() <= 1;
+  if (const auto* s = std::get_if<Box>(&shape)) return (p.cwiseAbs().array() <= s->half.array()).all();
+  return false;
+}
+
 }  // namespace
+
+bool Sensors::IsInside(const Simulation& simulation, const SensorDef& s) const {
+  const RigidTransform X_WF = FrameOf(simulation, s.frame).X_WF, X_WG = FrameOf(simulation, s.reference).X_WF;
+  return Contains(s.volume, X_WG.inverse() * X_WF.translation());
+}
 
 std::optional<Sensors::FrameInStep> Sensors::FrameInStepOf(const Simulation& simulation,
                                                            const SensorFrame& frame) const {
@@ -195,14 +212,22 @@ double Sensors::TouchForce(const Simulation& simulation, const SensorDef& s) con
 }
 
 double Sensors::LimitForce(const Simulation& simulation, std::size_t sensor) const {
-  const MechanismPlace& place = simulation.place(definitions_[sensor].mechanism);
-  const auto& limits =
-      simulation.world().mechanisms()[static_cast<std::size_t>(place.mechanism)].length_limits();
+  const SensorDef& s = definitions_[sensor];
+  if (s.mechanism < 0) return 0;  // the length does not change
+  const MechanismPlace& place = simulation.place(s.mechanism);
+  const MechanismDynamics& m = simulation.world().mechanisms()[static_cast<std::size_t>(place.mechanism)];
+  const auto& limits = m.length_limits();
   const std::vector<double>& impulses = simulation.world().StopImpulses(place.mechanism);
-  const int coordinate = place.first_coordinate + lengths_[sensor].terms[0].first;
-  for (std::size_t k = 0; 2 * k + 1 < impulses.size() && k < limits.size(); ++k)
-    if (limits[k].length.is_single() && limits[k].length.terms[0].first == coordinate)
-      return (impulses[2 * k] + impulses[2 * k + 1]) / simulation.dt();
+  // Those of coordinates come first, then those of other lengths, which may have the same names.
+  const std::size_t num_of_coordinates = limits.size() - m.mechanism().definition().length_limits.size();
+  const bool is_of_joint = s.limit.empty();
+  for (std::size_t k = is_of_joint ? 0 : num_of_coordinates;
+       2 * k + 1 < impulses.size() && k < (is_of_joint ? num_of_coordinates : limits.size()); ++k) {
+    const bool is_it = is_of_joint ? limits[k].length.terms[0].first ==
+                                         place.first_coordinate + lengths_[sensor].terms[0].first
+                                   : limits[k].name == s.limit;
+    if (is_it) return (impulses[2 * k] + impulses[2 * k + 1]) / simulation.dt();
+  }
   return 0;
 }
 
@@ -231,6 +256,14 @@ double Sensors::JointActuatorForce(const Simulation& simulation, std::size_t sen
                [&](int i, double a) { arm += i == lengths_[sensor].terms[0].first ? a : 0; });
     sum += arm * ActuatorForce(simulation, s.actuators[k], actuator_lengths_[sensor][k]);
   }
+  return std::clamp(sum, s.lower, s.upper);
+}
+
+double Sensors::TendonActuatorForce(const Simulation& simulation, std::size_t sensor) const {
+  const SensorDef& s = definitions_[sensor];
+  double sum = 0;
+  for (std::size_t k = 0; k < s.actuators.size(); ++k)
+    sum += ActuatorForce(simulation, s.actuators[k], actuator_lengths_[sensor][k]);
   return std::clamp(sum, s.lower, s.upper);
 }
 

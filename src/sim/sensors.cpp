@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "base/near_names.hpp"
+#include "ray_bodies.hpp"
 #include "sensor_momentum.hpp"
 
 namespace fork1s {
@@ -42,9 +43,19 @@ Sensors::Sensors(const Simulation& simulation) : definitions_(simulation.scene()
     auto& of_actuators = actuator_lengths_.emplace_back();
     for (const SensorActuator& a : s.actuators)
       of_actuators.push_back(LengthFrom(simulation, a.mechanism, a.terms, a.along));
+    auto& of_springs = spring_lengths_.emplace_back();
+    for (const auto& [mechanism, spring] : s.springs)
+      of_springs.push_back(LengthFrom(simulation, mechanism, spring.terms, spring.along));
   }
   first_.push_back(size);
   values_.setConstant(size, kNaN);
+  const auto casts_ray = [](const SensorDef& s) { return s.kind == SensorKind::kDistance; };
+  if (std::any_of(definitions_.begin(), definitions_.end(), casts_ray)) {
+    auto rays = RayWorld::Create(internal::RayBodies(scene));
+    if (rays) rays_ = std::move(*rays);
+    for (SensorDef& s : definitions_)
+      if (!rays && casts_ray(s)) s.reason = rays.error().Text();
+  }
   Update(simulation);
 }
 
@@ -61,6 +72,11 @@ void Sensors::Update(const Simulation& simulation) {
       const Vector3 theta_dot = c.q_dot(rotation.coordinates);
       c.rates(rotation.coordinates) = AngularVelocityMap(mechanism, *c.kinematics, rotation) * theta_dot;
     }
+  }
+  if (rays_) {
+    std::vector<RigidTransform> X_WB;
+    simulation.Poses(X_WB);
+    for (std::size_t b = 0; b < X_WB.size(); ++b) rays_->SetPose(static_cast<int>(b), X_WB[b]);
   }
   for (std::size_t i = 0; i < definitions_.size(); ++i) {
     const SensorDef& s = definitions_[i];
@@ -150,7 +166,7 @@ Sensors::Scalar Sensors::LengthOf(const Simulation& simulation, std::size_t sens
   return LengthOf(simulation, s.mechanism, lengths_[sensor], s.at_reference);
 }
 
-void Sensors::Evaluate(const Simulation& simulation, std::size_t sensor, double* out) const {
+void Sensors::Evaluate(const Simulation& simulation, std::size_t sensor, double* out) {
   const SensorDef& s = definitions_[sensor];
   switch (s.kind) {
     case SensorKind::kTime:
@@ -158,6 +174,9 @@ void Sensors::Evaluate(const Simulation& simulation, std::size_t sensor, double*
       return;
     case SensorKind::kKineticEnergy:
       out[0] = simulation.KineticEnergy();
+      return;
+    case SensorKind::kPotentialEnergy:
+      out[0] = PotentialEnergy(simulation, sensor);
       return;
     case SensorKind::kLength:
       out[0] = LengthOf(simulation, sensor).length;
@@ -204,16 +223,25 @@ void Sensors::Evaluate(const Simulation& simulation, std::size_t sensor, double*
       EvaluateCut(simulation, s, out);
       return;
     case SensorKind::kTouch:
-      if (simulation.steps() > 0) out[0] = TouchForce(simulation, s);
+      if (simulation.last_step().exists) out[0] = TouchForce(simulation, s);
       return;
     case SensorKind::kLimitForce:
-      if (simulation.steps() > 0) out[0] = LimitForce(simulation, sensor);
+      if (simulation.last_step().exists) out[0] = LimitForce(simulation, sensor);
       return;
     case SensorKind::kActuatorForce:
       out[0] = ActuatorForce(simulation, s.actuators[0], actuator_lengths_[sensor][0]);
       return;
     case SensorKind::kJointActuatorForce:
       out[0] = JointActuatorForce(simulation, sensor);
+      return;
+    case SensorKind::kTendonActuatorForce:
+      out[0] = TendonActuatorForce(simulation, sensor);
+      return;
+    case SensorKind::kDistance:
+      if (rays_) out[0] = DistanceAlongRay(simulation, s);
+      return;
+    case SensorKind::kInside:
+      out[0] = IsInside(simulation, s) ? 1 : 0;
       return;
     case SensorKind::kUnknown:
       return;
@@ -284,6 +312,36 @@ void Sensors::EvaluateSubtree(const Simulation& simulation, const SensorDef& s, 
     Put(Vector3(linear / mass), out);
   else
     Put(Vector3(about_origin - center.cross(linear)), out);
+}
+
+double Sensors::DistanceAlongRay(const Simulation& simulation, const SensorDef& s) {
+  const RigidTransform X_WF = FrameOf(simulation, s.frame).X_WF;
+  const int body = BodyOf(s.frame.body);
+  // The world comes last (RayBodies).
+  const int place = body >= 0 ? body : static_cast<int>(simulation.bodies().size());
+  const auto hit = rays_->Cast(X_WF.translation(), X_WF.rotation().col(2),
+                               std::numeric_limits<double>::infinity(), place, s.unseen);
+  return hit ? hit->distance : -1;
+}
+
+// Of weight -m g·c, and of springs k s²/2 + k₂ s³/3 + k₃ s⁴/4 of the stretch s.
+double Sensors::PotentialEnergy(const Simulation& simulation, std::size_t sensor) const {
+  const SensorDef& s = definitions_[sensor];
+  double energy = s.at_reference;
+  for (const SensorBody& b : s.subtree) {
+    const SpatialInertia& inertia = internal::InertiaOf(simulation.scene(), b);
+    const Vector3 center_W = simulation.Pose(BodyOf(b)) * inertia.center;
+    energy -= inertia.mass * simulation.step_options().gravity.dot(center_W);
+  }
+  for (std::size_t k = 0; k < s.springs.size(); ++k) {
+    const auto& [mechanism, spring] = s.springs[k];
+    const double beyond = LengthOf(simulation, mechanism, spring_lengths_[sensor][k], -spring.rest).length;
+    const double stretch = beyond - std::clamp(beyond, 0.0, spring.slack);
+    const auto& higher = spring.higher_stiffness;
+    energy +=
+        stretch * stretch * (spring.stiffness / 2 + stretch * (higher[0] / 3 + stretch * higher[1] / 4));
+  }
+  return energy;
 }
 
 }  // namespace fork1s

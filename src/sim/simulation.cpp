@@ -106,6 +106,7 @@ StepReport Simulation::Step(bool controls_move) {
   base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());
   if (report.finite) {  // else the state is that before the step
     last_controls_ = controls_;
+    last_step_.exists = true;
     ++steps_;
   } else {
     last_step_.start_motions.clear();

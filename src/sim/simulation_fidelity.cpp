@@ -196,7 +196,9 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   fidelity_ = fidelity;
   holds_ = std::move(holds);
   places_ = std::move(*places);
+  last_step_.exists = false;
   last_step_.wrenches_W.clear();
+  last_step_.start_motions.clear();
   ListBodies();
   return {};
 }

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <fork1s/mechanism/mechanism.hpp>
 
+#include "mechanism/sensor_stiffness.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -22,8 +24,10 @@ Scene Vary(Scene scene, const SceneFactors& factors) {
        {std::pair{"stiffness", factors.stiffness}, {"friction", factors.friction}, {"mass", factors.mass}})
     FORK1S_REQUIRE(std::isfinite(factor) && factor >= 0, what, "by", factor, "; give a factor of 0 or more");
   FORK1S_REQUIRE(factors.mass > 0, "mass by 0; give a factor above 0");
-  if (factors.stiffness != 1)
+  if (factors.stiffness != 1) {
     for (MechanismDef& def : scene.mechanisms) def = ScaleStiffness(std::move(def), factors.stiffness);
+    internal::ScaleSensorLaws(factors.stiffness, scene);
+  }
   for (MechanismDef& def : scene.mechanisms)
     for (BodyDef& b : def.bodies) {
       ScaleFriction(factors.friction, b.geometries);

@@ -5,6 +5,7 @@
 #include <map>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "command.hpp"
 
@@ -45,6 +46,60 @@ TEST(RunReport, ForcesByPairCarryTheWeight) {
   EXPECT_GE((*floor)["force_max_N"].get<double>(), (*floor)["force_N"][2].get<double>() - 1e-9);
   EXPECT_LT((*floor)["slip_m"].get<double>(), 1e-4);
   EXPECT_TRUE((*floor)["slip_first_s"].is_null());
+}
+
+// The box of 2 kg lies still; the lever turns about its axis at a constant rate.
+TEST(RunReport, Sensors_AreValuesOfTheLastStep) {
+  const std::string model = Write("sensors.xml", R"(<mujoco model="sensors"><worldbody>
+    <geom type="plane" size="9 9 .1"/>
+    <body name="box" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/>
+      <site name="top" pos="0 0 .1"/><site name="under" type="box" size=".2 .2 .05" pos="0 0 -.1"/></body>
+    <body name="lever" pos="2 0 1"><joint name="turn" axis="0 0 1"/><geom size=".1" pos=".2 0 0"/></body></worldbody>
+    <sensor><accelerometer name="acc" site="top"/><touch name="weight" site="under"/><jointvel name="rate" joint="turn"/>
+    <clock name="clock"/><user name="own" dim="2"/></sensor>
+    <keyframe><key name="turning" qpos="0 0 .1 1 0 0 0 0" qvel="0 0 0 0 0 0 .5"/></keyframe></mujoco>)");
+  const std::string recording = (ScratchFolder() / "sensors.h5").string();
+  const Outcome o = Fork1s("run --json --time 1 --keyframe turning --record " + recording + " " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto json = o.Json();
+  const auto& sensors = json["sensors"];
+  ASSERT_EQ(sensors.size(), 5u) << sensors.dump();
+  // The contact is compliant, and the box at rest after a second up to what it still sinks.
+  EXPECT_NEAR(sensors["acc"][2].get<double>(), kG, 1e-4);
+  EXPECT_NEAR(sensors["weight"][0].get<double>(), 2 * kG, 1e-3);
+  EXPECT_NEAR(sensors["rate"][0].get<double>(), 0.5, 1e-9);
+  EXPECT_NEAR(sensors["clock"][0].get<double>(), 1, 1e-12);
+  EXPECT_EQ(sensors["own"].dump(), "[null,null]");
+  EXPECT_EQ(json["sensors_missing"].size(), 1u);
+  EXPECT_EQ(json["sensors_missing"]["own"], "a program of the user computes it");
+
+  // The last row of the table of the recording has the same numbers.
+  const std::string folder = (ScratchFolder() / "sensors").string();
+  ASSERT_EQ(Fork1s("export " + recording + " " + folder).code, 0);
+  std::istringstream table(Slurp(folder + "/sensors.csv"));
+  std::string header, row;
+  std::getline(table, header);
+  EXPECT_EQ(header, "time,acc.0,acc.1,acc.2,weight,rate,clock,own.0,own.1");
+  int rows = 0;
+  for (std::string line; std::getline(table, line); ++rows) row = line;
+  EXPECT_EQ(rows, json["steps"].get<int>());
+  std::istringstream cells(row);
+  std::vector<std::string> last;
+  for (std::string cell; std::getline(cells, cell, ',');) last.push_back(cell);
+  ASSERT_EQ(last.size(), 9u) << row;
+  for (int k = 0; k < 3; ++k)
+    EXPECT_EQ(std::stod(last[static_cast<std::size_t>(1 + k)]),
+              sensors["acc"][static_cast<std::size_t>(k)].get<double>());
+  EXPECT_EQ(std::stod(last[4]), sensors["weight"][0].get<double>());
+  EXPECT_EQ(std::stod(last[5]), sensors["rate"][0].get<double>());
+  EXPECT_EQ(last[7], "nan");
+  EXPECT_EQ(last[8], "nan");
+
+  // Before the first step there is no mean over it.
+  const Outcome start = Fork1s("run --json --steps 0 --keyframe turning " + model);
+  ASSERT_EQ(start.code, 0) << start.err;
+  EXPECT_EQ(start.Json()["sensors"]["acc"].dump(), "[null,null,null]");
+  EXPECT_NEAR(start.Json()["sensors"]["rate"][0].get<double>(), 0.5, 1e-12);
 }
 
 // A pendulum of two links that swings down from horizontal.

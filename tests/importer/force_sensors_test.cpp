@@ -1,6 +1,8 @@
 // Sensors of accelerations and forces against closed forms and, at rest, MuJoCo.
+#include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/linearize.hpp>
 #include <fork1s/sim/sensors.hpp>
+#include <fork1s/sim/vary.hpp>
 
 #include "helpers.hpp"
 
@@ -150,7 +152,7 @@ TEST(ForceSensors, OfActuators_AreMujocosAtTheSameState) {
     <actuator><position name="p" joint="ja" kp="20" kv="2" gear="1.5"/><motor name="m" joint="jb" gear="3"/><motor name="mt" tendon="t" gear=".5"/>
       <velocity name="v" joint="jb" kv="4"/><position name="bounded" joint="jb" kp="50" forcerange="-.2 .3"/></actuator>
     <sensor><actuatorfrc actuator="p"/><actuatorfrc actuator="m"/><actuatorfrc actuator="mt"/><actuatorfrc actuator="v"/>
-      <actuatorfrc actuator="bounded"/><jointactuatorfrc joint="ja"/><jointactuatorfrc joint="jb"/></sensor></mujoco>)";
+      <actuatorfrc actuator="bounded"/><jointactuatorfrc joint="ja"/><jointactuatorfrc joint="jb"/><tendonactuatorfrc tendon="t"/></sensor></mujoco>)";
   Simulation simulation = MustStart(text);
   Sensors sensors(simulation);
   const double u[] = {0.7, -0.4, 0.9, 0.5, -1.0};
@@ -171,6 +173,100 @@ TEST(ForceSensors, OfActuators_AreMujocosAtTheSameState) {
     for (int k = 0; k < peer.m->nsensordata; ++k)
       EXPECT_NEAR(sensors.values()(k), peer.d->sensordata[k], 1e-9) << k << ", step " << step;
   }
+}
+
+// Stiffness of servos by 4, of all or of one joint: gains by it, dampers by its root, inputs of motors and speeds as
+// they were.
+TEST(ForceSensors, OfActuatorsWithOtherStiffness_AreMujocosWithThatStiffness) {
+  const std::string text =
+      R"(<mujoco><worldbody><body name="a"><joint name="ja" axis="0 1 0" ref=".1" damping="1"/>
+      <geom size=".1" mass="1" pos=".1 0 0"/><body name="b" pos=".3 0 0"><joint name="jb" axis="0 1 0" damping="1"/><geom size=".1" mass="1" pos=".1 0 0"/></body></body></worldbody>
+    <tendon><fixed name="t"><joint joint="ja" coef="2"/><joint joint="jb" coef="-1"/></fixed></tendon>
+    <actuator><position name="p" joint="ja" kp="20" kv="2" gear="1.5"/><motor name="m" joint="jb" gear="3"/><position name="pt" tendon="t" kp="5" gear=".5"/>
+      <velocity name="v" joint="jb" kv="4"/></actuator>
+    <sensor><actuatorfrc actuator="p"/><actuatorfrc actuator="m"/><actuatorfrc actuator="pt"/><actuatorfrc actuator="v"/>
+      <jointactuatorfrc joint="ja"/><jointactuatorfrc joint="jb"/><tendonactuatorfrc tendon="t"/></sensor></mujoco>)";
+  const double u[] = {0.7, -0.4, 0.9, 0.5};
+  for (const bool one_joint : {false, true}) {
+    ImportedScene loaded = MustLoad(text);
+    Peer peer(text);
+    std::vector<int> scaled = {0};
+    if (one_joint) {
+      auto changed = WithStiffness(loaded.scene, "ja", 4 * 20 * 1.5 * 1.5);
+      ASSERT_TRUE(changed) << changed.error().Text();
+      loaded.scene = *changed;
+    } else {
+      loaded.scene = Vary(loaded.scene, {.stiffness = 4});
+      scaled = {0, 2, 3};
+    }
+    for (const int i : scaled) {
+      if (i != 3) peer.m->actuator_gainprm[mjNGAIN * i] *= 4;
+      peer.m->actuator_biasprm[mjNBIAS * i + 1] *= 4;
+      peer.m->actuator_biasprm[mjNBIAS * i + 2] *= 2;
+    }
+    SimulationOptions options;
+    options.dt = 1.0 / 240;
+    auto simulation = Simulation::Create(loaded.scene, options);
+    ASSERT_TRUE(simulation) << simulation.error().Text();
+    Sensors sensors(*simulation);
+    for (int k = 0; k < 4; ++k) {
+      simulation->SetControl(mj_id2name(peer.m.get(), mjOBJ_ACTUATOR, k), u[k]);
+      peer.d->ctrl[k] = u[k];
+    }
+    for (int step = 0; step < 5; ++step) {
+      simulation->Step();
+      sensors.Update(*simulation);
+      for (const auto& joint : simulation->given_mechanism(0).joints()) {
+        const int dof = peer.Dof(joint.name);
+        peer.d->qpos[dof] = peer.m->qpos0[dof] + simulation->JointCoordinates(0)(joint.offset);
+        peer.d->qvel[dof] = simulation->JointRates(0)(joint.offset);
+      }
+      mj_forward(peer.m.get(), peer.d.get());
+      for (int k = 0; k < peer.m->nsensordata; ++k)
+        EXPECT_NEAR(sensors.values()(k), peer.d->sensordata[k], 1e-9)
+            << k << ", step " << step << ", one joint " << one_joint;
+    }
+  }
+}
+
+// Proportional-derivative control takes the place of motors, whose law then is none of the simulation's.
+TEST(ForceSensors, OfMotorsReplacedByPd_AreNanWithAReason) {
+  ImportOptions options;
+  options.pd = PdGains{10, 1};
+  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+      <geom size=".1" mass="1" pos=".1 0 0"/></body></worldbody><actuator><motor name="m" joint="j"/></actuator>
+    <sensor><actuatorfrc name="f" actuator="m"/><jointactuatorfrc name="fj" joint="j"/><jointpos name="q" joint="j"/></sensor></mujoco>)",
+                                        options);
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped,
+                      "its actuator is not simulated as the file has it; its value is NaN"));
+  auto simulation = Simulation::Create(loaded.scene);
+  ASSERT_TRUE(simulation);
+  for (int i = 0; i < 10; ++i) simulation->Step();
+  const Sensors sensors(*simulation);
+  EXPECT_TRUE(std::isnan(sensors["f"][0]));
+  EXPECT_TRUE(std::isnan(sensors["fj"][0]));
+  EXPECT_NE(sensors["q"][0], 0);
+}
+
+// Weights that hang from ropes: one through space, one over a joint at half of its way. MuJoCo comes to the same.
+TEST(ForceSensors, OfTendonLimits_BearWhatHangsOnThem) {
+  const std::string text = R"(<mujoco><worldbody><site name="hook"/>
+    <body name="a" pos="0 0 -.3"><joint name="za" type="slide" axis="0 0 1" damping="20"/><geom size=".05" mass="2"/><site name="s"/></body>
+    <body name="b" pos="1 0 0"><joint name="zb" type="slide" axis="0 0 1" damping="20" range="-9 9"/><geom size=".05" mass=".5"/></body></worldbody>
+    <tendon><fixed name="half" limited="true" range="-.1 1"><joint joint="zb" coef="2"/></fixed>
+    <spatial name="rope" limited="true" range="0 .5"><site site="hook"/><site site="s"/></spatial></tendon>
+    <sensor><tendonlimitfrc name="rope" tendon="rope"/><tendonlimitfrc name="half" tendon="half"/>
+    <jointlimitfrc name="zb" joint="zb"/></sensor></mujoco>)";
+  Simulation simulation = MustStart(text);
+  Sensors sensors(simulation);
+  for (int i = 0; i < 720; ++i) simulation.Step();
+  sensors.Update(simulation);
+  EXPECT_NEAR(sensors["rope"][0], 2 * kG, 1e-6);
+  EXPECT_NEAR(sensors["half"][0], 0.5 * kG / 2, 1e-6);
+  EXPECT_EQ(sensors["zb"][0], 0);  // the limit of its own is far
+  Peer peer(text);
+  for (int i = 0; i < 5000; ++i) mj_step(peer.m.get(), peer.d.get());
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(sensors.values()(k), peer.d->sensordata[k], 1e-5) << k;
 }
 
 // A weight of 0.5 kg at 0.2 m that rests on a stop.

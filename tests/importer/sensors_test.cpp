@@ -1,6 +1,9 @@
 // Values of sensors against MuJoCo's at the same state, and closed forms.
 #include <fork1s/sim/sensors.hpp>
 
+#include <algorithm>
+#include <cmath>
+
 #include "helpers.hpp"
 #include "importer/model_copy.hpp"
 
@@ -139,7 +142,8 @@ void ExpectMujocosValues(const std::string& mjcf) {
         sign = sign < 0 ? -1 : 1;
       }
       // The state comes to MuJoCo as decimals of 17 digits.
-      for (std::size_t k = 0; k < ours.size(); ++k) EXPECT_NEAR(sign * ours[k], theirs[k], 1e-9) << k;
+      for (std::size_t k = 0; k < ours.size(); ++k)
+        EXPECT_NEAR(sign * ours[k], theirs[k], 1e-9 * std::max(1.0, std::abs(theirs[k]))) << k;
     }
   }
 }
@@ -175,6 +179,31 @@ TEST(Sensors, OfFloatingAndFreeBodies_AreMujocosAtTheSameState) {
   ExpectMujocosValues(Replaced(kArm, bodies, sensors));
 }
 
+// Rays from sites of moving and still bodies among shapes of all kinds, some without an end; volumes; weight and
+// springs, one of them with higher terms and slack.
+TEST(Sensors, OfRaysVolumesAndPotentialEnergy_AreMujocosAtTheSameState) {
+  const std::string bodies =
+      R"(<geom type="plane" size="0 0 1" pos="0 0 -1"/><geom type="sphere" size=".2" pos="-1 .3 .5"/>
+    <geom type="box" size=".1 2 2" pos="1.5 0 0" euler="0 10 20"/><geom type="ellipsoid" size=".5 .3 .4" pos="0 -1.2 .5"/>
+    <site name="volume" type="box" size=".3 .2 .2" pos=".2 .05 .4" euler="10 20 30"/>
+    <site name="ball" type="sphere" size=".25" pos="0 0 .5"/><site name="pill" type="capsule" size=".1 .3" pos=".2 0 .4"/>
+    <body name="pole" pos=".5 .8 .3" euler="20 0 0"><geom type="capsule" size=".1 .5" mass="3"/><site name="in" euler="70 0 0"/></body>
+    <body name="brick" pos="2 0 1"><freejoint/><geom type="box" size=".3 .2 .2" pos=".03 .02 0"/>
+      <body name="knob" pos=".1 0 .4" euler="50 0 0"><geom type="cylinder" size=".3 .3"/><site name="top" euler="0 140 0"/></body></body>)";
+  std::string sensors;
+  for (const char* site : {"c1", "p1", "b1", "a1", "e1", "w", "in", "still", "top"}) {
+    sensors +=
+        "<rangefinder site='" + std::string(site) + "'/><rangefinder cutoff='.4' site='" + site + "'/>";
+    for (const char* volume : {"volume", "ball", "pill"})
+      sensors += "<insidesite site='" + std::string(volume) + "' objtype='site' objname='" + site + "'/>";
+  }
+  sensors += "<insidesite site='ball' objtype='body' objname='b'/><e_potential/>";
+  std::string text = Replaced(kArm, bodies, sensors);
+  text.replace(text.find("<spatial name=\"rope\">"), 21,
+               R"(<spatial name="rope" stiffness="8 2 3" springlength=".3 .5" damping=".1">)");
+  ExpectMujocosValues(text);
+}
+
 // Exceeded limits: -0.1 rad below the lower, 0.05 rad above the upper; soft ones of MuJoCo's do not move the state.
 TEST(Sensors, OfLimits_AreDistanceAndRateBeyondThem) {
   const std::string text = R"(<mujoco><compiler angle="radian"/><worldbody><body>
@@ -203,11 +232,11 @@ TEST(Sensors, OfLimits_AreDistanceAndRateBeyondThem) {
 
 TEST(Sensors, WithoutAValue_AreNanWithAReason) {
   const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody>
-      <body name="b"><joint name="j" axis="0 1 0"/><geom size=".1"/><site name="s"/></body></worldbody>
-    <sensor><user name="own" dim="3"/><e_potential name="energy"/><jointpos name="angle" joint="j" noise=".1"/></sensor></mujoco>)");
+      <body name="b"><joint name="j" axis="0 1 0"/><geom size=".1"/><site name="s"/></body><camera name="eye" resolution="10 10"/></worldbody>
+    <sensor><user name="own" dim="3"/><camprojection name="seen" site="s" camera="eye"/><jointpos name="angle" joint="j" noise=".1"/></sensor></mujoco>)");
   EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped,
                       "sensor 'own': a program of the user computes it; its value is NaN"));
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "sensor 'energy'"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "sensor 'seen'"));
   EXPECT_TRUE(
       HasNote(loaded.report, ImportNote::Kind::kDropped, "noise of sensor 'angle': values are exact"));
   const Simulation simulation = MustStart(loaded.scene);

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <fork1s/record/csv.hpp>
 
 #include "support.hpp"
@@ -51,6 +52,48 @@ TEST(Csv, ExportsWhatTheRecordingHolds) {
   const auto blocked = ExportCsv(*recording, folder / "file");
   ASSERT_FALSE(blocked);
   EXPECT_EQ(blocked.error().code, ErrorCode::kFile);
+}
+
+// Time and place of the box are in other columns too.
+TEST(Csv, SensorsAreThoseOfEveryStep) {
+  Folder folder;
+  Scene scene = TouchingScene();
+  scene.sensors.resize(3);
+  scene.sensors[0].name = "clock";
+  scene.sensors[0].kind = SensorKind::kTime;
+  scene.sensors[1].name = "own";
+  scene.sensors[1].reason = "a program of the user computes it";
+  scene.sensors[2].name = "place";
+  scene.sensors[2].kind = SensorKind::kPosition;
+  scene.sensors[2].size = 3;
+  scene.sensors[2].frame.body.free_body = 0;
+  Simulation simulation = CreateOrThrow(scene);
+  auto recorder = Recorder::Create(folder / "run.h5", simulation, {.flush_interval = 1e9, .flush_steps = 7});
+  ASSERT_TRUE(recorder);
+  Record(simulation, *recorder, 20);
+  ASSERT_TRUE(recorder->Finish());
+  const auto recording = Recording::Open(folder / "run.h5");
+  ASSERT_TRUE(recording) << recording.error().Text();
+  EXPECT_EQ(recording->header().sensor_names,
+            (std::vector<std::string>{"clock", "own", "place.0", "place.1", "place.2"}));
+  const RecordedSteps& data = recording->data();
+  ASSERT_EQ(data.sensors.size(), 100u);
+  const int box = simulation.FindBody("box");
+  for (std::size_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(data.sensors[5 * i], data.time[i]);
+    EXPECT_TRUE(std::isnan(data.sensors[5 * i + 1]));
+    const Vector3 place = recording->Pose(static_cast<int>(i), box).translation();
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_EQ(data.sensors[5 * i + 2 + k], place(static_cast<Eigen::Index>(k)));
+  }
+  ASSERT_TRUE(ExportCsv(*recording, folder / "tables"));
+  const auto lines = Lines(folder / "tables/sensors.csv");
+  ASSERT_EQ(lines.size(), 21u);
+  EXPECT_EQ(lines[0], "time,clock,own,place.0,place.1,place.2");
+  EXPECT_EQ(lines[1].rfind("0.005,0.005,nan,", 0), 0u) << lines[1];
+  const auto replayed = Replay(*recording);
+  ASSERT_TRUE(replayed);
+  EXPECT_TRUE(replayed->identical);
 }
 
 TEST(Csv, SameNamesAreToldApart) {

@@ -100,8 +100,8 @@ TEST(DamagedRecording, SaysWhatIsWrong) {
                                std::filesystem::copy_options::overwrite_existing);
     return folder / "bad.h5";
   };
-  for (const char* name : {"steps/time", "steps/poses", "contacts/force", "names/bodies", "scene/json",
-                           "steps", "initial", "simulation/options", "wrenches/wrench"}) {
+  for (const char* name : {"steps/time", "steps/poses", "contacts/force", "names/bodies", "names/sensors",
+                           "scene/json", "steps", "initial", "simulation/options", "wrenches/wrench"}) {
     const Error e = Spoil(fresh(), [&](hid_t file) { H5Ldelete(file, name, H5P_DEFAULT); });
     EXPECT_EQ(e.code, ErrorCode::kFormat) << name;
     const std::string last = std::string(name).substr(std::string(name).rfind('/') + 1);
@@ -266,22 +266,26 @@ TEST(Recorder, AFullDiskKeepsWhatWasFlushed) {
   EXPECT_TRUE(replay->identical);
 }
 
-// Version 18 differs in fields that read as their defaults where they are missing (SceneJson).
+// Version 18 differs in fields that read as their defaults where they are missing (SceneJson), and neither has values
+// of sensors.
 TEST(OlderVersion, WithTheStepsOfThisOne_IsReadAndReplayed) {
-  Folder folder;
-  const std::string path = folder / "old.h5";
-  MakeRecording(path, 9);
-  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
-  const hid_t a = H5Aopen(file, "format_version", H5P_DEFAULT);
-  const std::int64_t version = 18;
-  H5Awrite(a, H5T_NATIVE_INT64, &version);
-  H5Aclose(a);
-  H5Fclose(file);
-  const auto recording = Recording::Open(path);
-  ASSERT_TRUE(recording) << recording.error().Text();
-  const auto replayed = Replay(*recording);
-  ASSERT_TRUE(replayed) << replayed.error().Text();
-  EXPECT_TRUE(replayed->identical);
+  for (const std::int64_t version : {18, 19}) {
+    Folder folder;
+    const std::string path = folder / "old.h5";
+    MakeRecording(path, 9);
+    const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    const hid_t a = H5Aopen(file, "format_version", H5P_DEFAULT);
+    H5Awrite(a, H5T_NATIVE_INT64, &version);
+    H5Aclose(a);
+    H5Ldelete(file, "names/sensors", H5P_DEFAULT);
+    H5Fclose(file);
+    const auto recording = Recording::Open(path);
+    ASSERT_TRUE(recording) << recording.error().Text();
+    EXPECT_TRUE(recording->header().sensor_names.empty());
+    const auto replayed = Replay(*recording);
+    ASSERT_TRUE(replayed) << replayed.error().Text();
+    EXPECT_TRUE(replayed->identical);
+  }
 }
 
 // Version 17 has an integrator and an option of the step that are gone.

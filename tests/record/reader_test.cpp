@@ -63,7 +63,8 @@ TEST(RecordingReader, ReplaysAndExportsTheSame) {
   const auto steps = ExportCsv(*reader, folder / "parts");
   ASSERT_TRUE(steps);
   EXPECT_EQ(*steps, 60);
-  for (const char* table : {"/poses.csv", "/contacts.csv", "/pairs.csv", "/controls.csv", "/energy.csv"})
+  for (const char* table :
+       {"/poses.csv", "/contacts.csv", "/pairs.csv", "/controls.csv", "/energy.csv", "/sensors.csv"})
     EXPECT_EQ(Bytes(folder / ("parts" + std::string(table))), Bytes(folder / ("whole" + std::string(table))));
 }
 

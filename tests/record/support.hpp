@@ -288,6 +288,9 @@ inline Scene SceneWithEverything(unsigned seed) {
                        random.Uniform(-1, 1),
                        -random.Uniform(0, 1),
                        random.Uniform(0, 1)}};
+  sensor.springs = {{1, scene.mechanisms[0].springs[0]}};
+  sensor.unseen = {2, 0};
+  sensor.limit = "rope";
   sensor.clip_lower = -random.Uniform(0, 1);
   sensor.reason = "none";
   scene.sensors = {sensor, {}};

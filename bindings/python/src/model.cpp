@@ -68,6 +68,7 @@ Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& st
     if (!(std::isfinite(value) && value >= 0))
       throw Refused{{ErrorCode::kUsage, name, "a stiffness must be finite and 0 or more"}};
     MechanismDef& def = scene.mechanisms[c->mechanism];
+    fork1s::internal::SetSensorStiffness(c->mechanism, c->freedom, value, scene);
     def = SetStiffness(std::move(def), c->freedom, value);
   }
   return scene;

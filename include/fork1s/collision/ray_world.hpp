@@ -4,6 +4,7 @@
 #include <fork1s/collision/collision_world.hpp>
 #include <limits>
 #include <optional>
+#include <span>
 
 namespace fork1s {
 
@@ -31,7 +32,12 @@ class RayWorld {
   /// The first shape along `direction` (of any length above 0) from `origin` that is no farther than `reach`
   /// [m]. An origin within a shape may see that shape from inside or not at all.
   std::optional<RayHit> Cast(const Vector3& origin, const Vector3& direction,
-                             double reach = std::numeric_limits<double>::infinity());
+                             double reach = std::numeric_limits<double>::infinity()) {
+    return Cast(origin, direction, reach, -1, {});
+  }
+  /// The same through these geometries of a body as if they were not there.
+  std::optional<RayHit> Cast(const Vector3& origin, const Vector3& direction, double reach, int body,
+                             std::span<const int> unseen);
 
  private:
   RayWorld();

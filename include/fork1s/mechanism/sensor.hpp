@@ -14,6 +14,7 @@ enum class SensorKind {
   kUnknown,                 ///< nothing that a simulation has; SensorDef::reason
   kTime,                    ///< s
   kKineticEnergy,           ///< J, of the scene
+  kPotentialEnergy,         ///< J, of weight and springs
   kLength,                  ///< of a joint, tendon or actuator: m or rad
   kLengthRate,              ///< m/s or rad/s
   kLimitDistance,           ///< from a limit of a length that is exceeded: m or rad, at most 0
@@ -39,6 +40,9 @@ enum class SensorKind {
   kTouch,                   ///< N, sum of normal forces of contacts within a volume
   kActuatorForce,           ///< N or N·m, along the length of an actuator
   kJointActuatorForce,      ///< N or N·m, of all actuators on a joint coordinate
+  kTendonActuatorForce,     ///< N, of all actuators on a tendon
+  kDistance,  ///< m, from the origin of a frame along its z axis to the first shape; -1: there is none
+  kInside,    ///< 1: the origin of a frame is in a volume, else 0
 };
 
 /// A body of a scene; neither of a mechanism nor free: the still world.
@@ -70,26 +74,37 @@ struct SensorActuator {
   double upper = std::numeric_limits<double>::infinity();
 };
 
+/// A spring that kPotentialEnergy counts.
+struct SensorSpring {
+  int mechanism = -1;  // of the scene
+  SpringDef spring;
+};
+
 struct SensorDef {
   std::string name;
   SensorKind kind = SensorKind::kUnknown;
-  int size = 1;                     // values
-  SensorFrame frame;                // kPosition to kMagneticField, kForce, kTorque, kTouch
-  SensorFrame reference;            // kPosition to kAngularVelocity: relative to this frame and in its axes
-  bool own_axes = false;            // components along the axes of `frame` rather than of the reference
-  std::vector<SensorBody> subtree;  // kSubtreeCenter to kTorque
+  int size = 1;           // values
+  SensorFrame frame;      // kPosition to kMagneticField, kForce, kTorque, kTouch, kDistance, kInside
+  SensorFrame reference;  // kPosition to kAngularVelocity: relative to this frame and in its axes
+  bool own_axes = false;  // components along the axes of `frame` rather than of the reference
+  std::vector<SensorBody> subtree;  // kSubtreeCenter to kTorque; kPotentialEnergy: all bodies
   // The length of kLength to kLimitForce, kActuatorForce and kJointActuatorForce: at_reference + Σ coefficient q
   // plus that of a path; of kBall...: the freedoms of the joint.
   int mechanism = -1;  // of the scene; -1: the length does not change
   std::vector<std::pair<FreedomRef, double>> terms;
   PathUse along = {};
-  double at_reference = 0;
+  double at_reference = 0;  // kPotentialEnergy: J, of bodies that stand still
   double lower =
-      -std::numeric_limits<double>::infinity();  // limits of the length; kJointActuatorForce: of the force
+      -std::numeric_limits<double>::infinity();  // limits of the length; k...ActuatorForce: of the force
   double upper = std::numeric_limits<double>::infinity();
-  Shape volume = Sphere{};                // kTouch: in `frame`
-  Vector3 field_W = Vector3::Zero();      // kMagneticField
-  std::vector<SensorActuator> actuators;  // kActuatorForce: one; kJointActuatorForce: those on the joint
+  Shape volume = Sphere{};            // kTouch: in `frame`; kInside: in `reference`
+  Vector3 field_W = Vector3::Zero();  // kMagneticField
+  std::vector<SensorActuator>
+      actuators;                      // kActuatorForce: one; k...ActuatorForce: those on the joint or tendon
+  std::vector<SensorSpring> springs;  // kPotentialEnergy
+  std::vector<int>
+      unseen;         // kDistance: shapes of the body of `frame`, or of the world, that the ray goes through
+  std::string limit;  // kLimitForce: LengthLimitDef::name; empty: the limit of the joint coordinate
   double clip_lower = -std::numeric_limits<double>::infinity();  // every value is clipped to these
   double clip_upper = std::numeric_limits<double>::infinity();
   std::string reason;  // kUnknown: why it has no value

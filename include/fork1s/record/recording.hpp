@@ -47,6 +47,8 @@ struct RecordedSteps {
   std::vector<double> poses;  // x bodies x 7: x y z [m], qw qx qy qz
   /// x joint coordinates of all mechanisms as the scene has them, from the reference [rad, m].
   std::vector<double> coordinates;
+  /// x values of Sensors, those of the scene one after another; NaN: no value.
+  std::vector<double> sensors;
   std::vector<double> base_poses;              // x mechanisms x 7
   std::vector<double> base_twists;             // x mechanisms x 6, in R about R's origin [rad/s, m/s]
   std::vector<int> reduced_sizes;              // x mechanisms: r, which a refresh may change
@@ -124,6 +126,8 @@ struct RecordingHeader {
   std::vector<SceneBody> bodies;
   std::vector<std::string> control_names;
   std::vector<std::string> coordinate_names;
+  /// Of all values of sensors: NAME, or NAME.0, NAME.1, ... Empty in files up to version 19, which do not have them.
+  std::vector<std::string> sensor_names;
   std::int64_t first_step = 0;  // steps made before the recording began
   std::uint64_t initial_hash = 0;
   std::vector<double> initial_poses;  // bodies x 7

@@ -1,6 +1,7 @@
 // What the sensors of a scene measure.
 #pragma once
 
+#include <fork1s/collision/ray_world.hpp>
 #include <fork1s/mechanism/kinematics.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <optional>
@@ -53,7 +54,10 @@ class Sensors {
   Scalar LengthOf(const Simulation& simulation, int mechanism, const Mechanism::Length& length,
                   double at_reference) const;
   Scalar LengthOf(const Simulation& simulation, std::size_t sensor) const;
-  void Evaluate(const Simulation& simulation, std::size_t sensor, double* out) const;
+  void Evaluate(const Simulation& simulation, std::size_t sensor, double* out);
+  double DistanceAlongRay(const Simulation& simulation, const SensorDef& s);
+  bool IsInside(const Simulation& simulation, const SensorDef& s) const;
+  double PotentialEnergy(const Simulation& simulation, std::size_t sensor) const;
   void EvaluateBall(const Simulation& simulation, const SensorDef& s, double* out) const;
   void EvaluateFrame(const Simulation& simulation, const SensorDef& s, double* out) const;
   void EvaluateAcceleration(const Simulation& simulation, const SensorDef& s, double* out) const;
@@ -63,6 +67,7 @@ class Sensors {
   double ActuatorForce(const Simulation& simulation, const SensorActuator& actuator,
                        const Mechanism::Length& length) const;
   double JointActuatorForce(const Simulation& simulation, std::size_t sensor) const;
+  double TendonActuatorForce(const Simulation& simulation, std::size_t sensor) const;
   struct FrameInStep {
     Frame start, end;
     RigidTransform X_WF_middle;
@@ -75,6 +80,8 @@ class Sensors {
   std::vector<int> first_;                  // value of each sensor, and the number of all
   std::vector<Mechanism::Length> lengths_;  // of each sensor
   std::vector<std::vector<Mechanism::Length>> actuator_lengths_;  // of each sensor: of its actuators
+  std::vector<std::vector<Mechanism::Length>> spring_lengths_;    // likewise of its springs
+  std::optional<RayWorld> rays_;                                  // where a sensor casts one
   std::vector<Coordinates> coordinates_;                          // of each mechanism that a sensor asks for
   std::vector<std::vector<int>> body_of_;  // places of bodies, by mechanism of the scene
   std::vector<int> free_body_of_;

@@ -159,12 +159,15 @@ class Simulation {
   };
   /// What the last step was given, for who records it, and how bodies started it, for sensors.
   struct LastStep {
+    /// Whether world() has its contacts and stops: not before the first one, and not between SetFidelity and the
+    /// next one.
+    bool exists = false;
     bool controls_moved = false;
     VectorX base_rates;
     std::vector<BodyPointSpring> point_springs;  // targets as they moved within it
     std::vector<Matrix6X> wrenches_W;  // per body of each mechanism of world(); empty where nothing is held
     /// Of all bodies, in scenes whose sensors need them: those of accelerations and of forces between bodies. Empty
-    /// before the first step and after one that was undone.
+    /// where there is none and after one that was undone.
     std::vector<BodyMotion> start_motions;
   };
   const LastStep& last_step() const { return last_step_; }
