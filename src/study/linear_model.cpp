@@ -32,12 +32,6 @@ const char* UnitOfControl(const Mechanism& m, std::size_t k) {
   return turns ? "rad" : "m";
 }
 
-Vector6 Rotated(const Matrix3& R, const Vector6& V) {
-  Vector6 out;
-  out << R * V.head<3>(), R * V.tail<3>();
-  return out;
-}
-
 // 6 x s: rotation and displacement of the body's origin per coordinate, world axes.
 MatrixX BodyJacobianInWorld(const PosedMechanism& posed, const ReducedModel& model, BodyIndex body,
                             Eigen::Index size) {
@@ -48,7 +42,7 @@ MatrixX BodyJacobianInWorld(const PosedMechanism& posed, const ReducedModel& mod
   for (Eigen::Index k = 0; k < r; ++k) {
     Vector6 V = model.T.col(body.value() * r + k);
     V.tail<3>() += V.head<3>().cross(p_R);
-    J.col(k) = Rotated(R, V);
+    J.col(k) = InAxes(R, V);
   }
   if (size > r) {
     J.rightCols<6>().setIdentity();
@@ -69,7 +63,7 @@ void AddForceAtStart(const PosedMechanism& posed, const Kinematics& kinematics, 
   AccumulateGeneralizedForce(m, kinematics.S, F, tau);
   out.f.head(model.size()) = TransposedTimes(model.Q, tau);
   // The column of the base has now the wrench on the whole.
-  if (out.f.size() > model.size()) out.f.tail<6>() = Rotated(posed.X_WR.rotation(), F.col(0));
+  if (out.f.size() > model.size()) out.f.tail<6>() = InAxes(posed.X_WR.rotation(), F.col(0));
 }
 
 void AddInputs(const PosedMechanism& posed, const Kinematics& kinematics, const ReducedModel& model,
