@@ -5,6 +5,7 @@
 #include <fork1s/mechanism/set_stiffness.hpp>
 
 #include "errors.hpp"
+#include "mechanism/sensor_stiffness.hpp"
 
 namespace fork1s::python {
 
