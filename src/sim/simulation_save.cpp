@@ -52,7 +52,8 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   last_controls_ = snapshot.last_controls;
   base_rates_ = snapshot.base_rates;
   base_start_ = snapshot.base_start;
-  has_last_step_ = snapshot.has_last_step;
+  // Forces of frozen contacts depend on more than what is saved.
+  has_last_step_ = snapshot.has_last_step && holds_.empty();
   start_motions_ = snapshot.start_motions;
   last_point_springs_ = snapshot.last_point_springs;
   pushed_W_ = snapshot.pushed_W;
