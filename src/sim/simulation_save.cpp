@@ -52,6 +52,8 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   base_rates_ = snapshot.base_rates;
   base_start_ = snapshot.base_start;
   last_step_ = snapshot.last_step;
+  // Forces of frozen contacts depend on more than what is saved.
+  last_step_.exists = last_step_.exists && holds_.empty();
   ListBodies();
   return {};
 }

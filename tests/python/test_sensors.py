@@ -41,3 +41,25 @@ def test_clock_goes_on_through_a_state_that_is_set():
     sim.set_state(qpos=[0.2])
     sim.step(5)
     assert sim.sensors["clock"] == pytest.approx(0.1) and sim.time == pytest.approx(0.1)
+
+
+def test_members_of_a_batch_measure_what_each_alone_does():
+    model = fork1s.load(PENDULUM)
+    batch = fork1s.Batch(model, 3, dt=0.01, mass=[1, 2, 3], threads=2)
+    assert np.isnan(batch.sensors["acc"]).all()
+    batch.step(steps=5)
+    measured = batch.sensors
+    assert isinstance(measured, collections.abc.Mapping)
+    assert measured["gyro"].shape == (3, 3) and measured["own"].shape == (3, 2)
+    assert measured.array.shape == (3, 10)
+    assert_allclose(measured.array, np.hstack(measured.values()))
+    assert_allclose(measured["angle"][:, 0], batch.qpos[:, 0])
+    assert_allclose(measured["clock"][:, 0], batch.time)
+    assert measured.missing == {"own": "a program of the user computes it"}
+    sim = fork1s.Simulation(model, dt=0.01)
+    sim.step(5)
+    np.testing.assert_array_equal(measured.array[0], sim.sensors.array)
+    batch.reset([0, 1, 0])
+    assert np.isnan(batch.sensors["acc"][1]).all() and not np.isnan(batch.sensors["acc"][[0, 2]]).any()
+    with pytest.raises(fork1s.UnknownNameError, match="there is no sensor 'gyr'"):
+        measured["gyr"]

@@ -7,7 +7,7 @@ rewards of all. fork1s.learn makes Gymnasium's environments of it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,9 @@ class Now:
     qpos: Floats
     qvel: Floats
     time: Floats  # s since each began
+    sensors: Mapping[str, Floats] = field(
+        default_factory=dict
+    )  # name -> (n, k), where asked for; NaN: no value
 
 
 def turned_back(quaternion: Floats, vector: Floats) -> Floats:
@@ -46,6 +49,7 @@ class Task:
     steps = 2
     seconds = 4.0
     bodies: tuple[str, ...] = ()
+    sensors: tuple[str, ...] = ()  # of the model, for Now.sensors
     actions = 0
     observations = 0
     randomise: Mapping[str, tuple[float, float]] = Batch.usual_ranges

@@ -9,7 +9,7 @@ docs/learning.md explains them from the beginning. Needs `pip install 'fork1s[le
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,13 @@ class _Members:
     """A task on a batch: what both kinds of environment are made of."""
 
     def __init__(
-        self, task: type[Task], count: int, randomise: Randomise, threads: int | None, model: Any
+        self,
+        task: type[Task],
+        count: int,
+        randomise: Randomise,
+        threads: int | None,
+        model: Any,
+        observe: Sequence[str],
     ) -> None:
         self.model = load(scene(task.scene) if model is None else model, **task.load)
         ranges = task.randomise if randomise is True else randomise or None
@@ -52,8 +58,29 @@ class _Members:
         drawn = {} if ranges is None else {"seeds": 0, "randomise": ranges}
         self.batch = Batch(self.model, count, dt=task.dt, threads=threads or 0, **drawn)
         self.task = task(count, self.batch.controls)
+        self.observed = self._sensors_of(observe)
+        self.asked = dict.fromkeys((*task.sensors, *self.observed))
         self.limit = task.seconds
         self.now = self._read()
+        width = task.observations + sum(self.now.sensors[name].shape[1] for name in self.observed)
+        self.observation_space = gymnasium.spaces.Box(-_LARGEST, _LARGEST, (width,), np.float32)
+        self.action_space = gymnasium.spaces.Box(-1, 1, (task.actions,), np.float32)
+
+    def _sensors_of(self, observe: Sequence[str]) -> list[str]:
+        """Names after "sensor:". Refuses others, and sensors that never have a value."""
+        if isinstance(observe, str):
+            raise UsageError(f"observe is one text, '{observe}'; give a list of texts")
+        names = []
+        for entry in observe:
+            kind, _, name = entry.partition(":")
+            if kind != "sensor" or not name:
+                raise UsageError(f"observe has '{entry}'; give entries such as 'sensor:NAME'")
+            sensors = self.batch.sensors
+            sensors[name]  # UnknownNameError
+            if name in sensors.missing:
+                raise UsageError(f"observe has '{entry}', which has no value: {sensors.missing[name]}")
+            names.append(name)
+        return names
 
     def _read(self) -> Now:
         names = self.task.bodies
@@ -64,7 +91,14 @@ class _Members:
             self.batch.qpos,
             self.batch.qvel,
             self.batch.time,
+            self._read_sensors(),
         )
+
+    def _read_sensors(self) -> dict[str, npt.NDArray[np.float64]]:
+        if not self.asked:
+            return {}
+        sensors = self.batch.sensors
+        return {name: sensors[name] for name in self.asked}
 
     def begin(self, mask: npt.NDArray[np.bool_], rng: np.random.Generator) -> None:
         seeds = None
@@ -76,7 +110,10 @@ class _Members:
         self.now = self._read()
 
     def observation(self) -> npt.NDArray[np.float32]:
-        return np.clip(self.task.observe(self.now), -_LARGEST, _LARGEST).astype(np.float32)
+        # Means over a step have no value before the first one.
+        measured = [np.nan_to_num(self.now.sensors[name], nan=0.0) for name in self.observed]
+        seen = np.hstack([self.task.observe(self.now), *measured])
+        return np.clip(seen, -_LARGEST, _LARGEST).astype(np.float32)
 
     def advance(self, actions: npt.ArrayLike) -> tuple[npt.NDArray[np.float64], ...]:
         """Reward, terminated, truncated, done what was asked, numbers finite: (n,) each."""
@@ -95,13 +132,6 @@ class _Members:
         return self.batch.factors
 
 
-def _spaces(task: type[Task]) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
-    return (
-        gymnasium.spaces.Box(-_LARGEST, _LARGEST, (task.observations,), np.float32),
-        gymnasium.spaces.Box(-1, 1, (task.actions,), np.float32),
-    )
-
-
 class Environment(gymnasium.Env):
     """One member.
 
@@ -109,16 +139,26 @@ class Environment(gymnasium.Env):
         task: a class of TASKS, or one of your own.
         randomise: what is drawn anew at every reset, as of `fork1s.Batch`; True: the task's own, False: nothing.
         model: what `load` takes in place of the task's scene.
+        observe: "sensor:NAME" of sensors of the model, whose values come after what the task observes, in the units
+            of the file, clipped to ±10; 0 before the first step of means over a step. Raises UsageError for those
+            without a value, UnknownNameError for those that there are not.
     """
 
     metadata = {"render_modes": []}
 
     def __init__(
-        self, task: type[Task], *, randomise: Randomise = True, model: Any = None, render_mode: None = None
+        self,
+        task: type[Task],
+        *,
+        randomise: Randomise = True,
+        model: Any = None,
+        observe: Sequence[str] = (),
+        render_mode: None = None,
     ) -> None:
-        self.observation_space, self.action_space = _spaces(task)
         self.render_mode = render_mode
-        self.members = _Members(task, 1, randomise, 1, model)
+        self.members = _Members(task, 1, randomise, 1, model, observe)
+        self.observation_space = self.members.observation_space
+        self.action_space = self.members.action_space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -142,6 +182,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         task: as of Environment.
         randomise: as of Environment; drawn for each member.
         model: as of Environment.
+        observe: as of Environment.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
@@ -154,14 +195,16 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         randomise: Randomise = True,
         threads: int | None = None,
         model: Any = None,
+        observe: Sequence[str] = (),
         render_mode: None = None,
     ) -> None:
         self.num_envs = num_envs
         self.render_mode = render_mode
-        self.single_observation_space, self.single_action_space = _spaces(task)
+        self.members = _Members(task, num_envs, randomise, threads, model, observe)
+        self.single_observation_space = self.members.observation_space
+        self.single_action_space = self.members.action_space
         self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, num_envs)
         self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, num_envs)
-        self.members = _Members(task, num_envs, randomise, threads, model)
         self._ended = np.zeros(num_envs, dtype=bool)
 
     def reset(

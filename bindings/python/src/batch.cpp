@@ -70,7 +70,8 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
       ranges_(differences.ranges),
       seeds_(differences.seeds),
       times_(differences.seeds.size(), 0),
-      drawn_(static_cast<std::size_t>(count)) {
+      drawn_(static_cast<std::size_t>(count)),
+      sensors_(static_cast<std::size_t>(count)) {
   ReleasedGil gil;
   for (std::size_t i = 0; i < drawn_.size(); ++i) {
     drawn_[i].start = VectorX::Zero(static_cast<Eigen::Index>(ranges_.start.size()));
@@ -159,6 +160,7 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
     Expected<Simulation> next = starts_.Begin(drawn[at]);
     if (next) {
       replaced[at] = simulations_[at].Save();
+      sensors_[at].reset();
       simulations_[at] = std::move(*next);
     } else {
       errors[at] = next.error();
@@ -169,6 +171,7 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
     for (std::size_t i = 0; i < replaced.size(); ++i) {
       if (!replaced[i]) continue;
       simulations_[i] = Take(starts_.Begin(drawn_[i]), model_->origin());
+      sensors_[i].reset();
       Take(simulations_[i].Restore(*replaced[i]), model_->origin());
     }
     for (std::optional<Error>& error : errors)
@@ -189,6 +192,38 @@ void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {
     });
   });
   gil.ThrowIfInterrupted();
+}
+
+SensorValues Batch::ReadSensors() {
+  SensorValues read;
+  read.members = drawn_.size();
+  read.first.push_back(0);
+  for (const SensorDef& sensor : model_->scene().sensors) {
+    read.names.push_back(sensor.name);
+    read.reasons.emplace_back();
+    read.first.push_back(read.first.back() + static_cast<std::size_t>(sensor.size));
+  }
+  const std::size_t width = read.first.back();
+  read.values.resize(drawn_.size() * width);
+  ReleasedGil gil;
+  WithCallMutex(mutex_, "Batch", [&] {
+    OnThreads(gil, [&](int i) {
+      const auto at = static_cast<std::size_t>(i);
+      std::optional<Sensors>& sensors = sensors_[at];
+      if (sensors)
+        sensors->Update(simulations_[at]);
+      else
+        sensors.emplace(simulations_[at]);
+      std::copy_n(sensors->values().data(), width,
+                  read.values.begin() + static_cast<std::ptrdiff_t>(at * width));
+      return true;
+    });
+    if (sensors_.front())
+      for (std::size_t k = 0; k < read.reasons.size(); ++k)
+        read.reasons[k] = sensors_.front()->definition(static_cast<int>(k)).reason;
+  });
+  gil.ThrowIfInterrupted();
+  return read;
 }
 
 }  // namespace fork1s::python

@@ -3,12 +3,15 @@
 
 #include <cstdint>
 #include <fork1s/sim/draw.hpp>
+#include <fork1s/sim/sensors.hpp>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "released_gil.hpp"
 #include "runner.hpp"
+#include "sensor_values.hpp"
 
 namespace fork1s::python {
 
@@ -56,6 +59,8 @@ class Batch {
   void Reset(const std::vector<char>& mask, const MemberDifferences& differences);
   /// f(i, simulation) for all, on threads; f writes to what is its own.
   void ForAll(const std::function<void(int, const Simulation&)>& f) const;
+  /// Of all members at their present states.
+  SensorValues ReadSensors();
 
  private:
   void ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask, const MemberDifferences& differences);
@@ -74,6 +79,7 @@ class Batch {
   std::vector<std::string> control_names_;
   mutable CallMutex mutex_;
   std::vector<Simulation> simulations_;
+  std::vector<std::optional<Sensors>> sensors_;  // of each since it began, when first asked for
 };
 
 }  // namespace fork1s::python

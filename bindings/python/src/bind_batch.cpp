@@ -315,6 +315,9 @@ void BindBatch(nb::module_& m) {
       .def_prop_ro("qpos", CoordinatesOf, kOwn, "(n, q) joint displacements of all mechanisms, rad or m.")
       .def_prop_ro("qvel", RatesOf, kOwn, "(n, q) their rates, rad/s or m/s.")
       .def_prop_ro(
+          "sensors", [](Batch& b) { return b.ReadSensors(); },
+          "What the sensors of the file measure of each at the end of the last step, by name (`Sensors`): (n, k).")
+      .def_prop_ro(
           "control_values",
           [](const Batch& b) {
             return Gather(b, {Count(b), b.control_names().size()}, [](const Simulation& s, double* row) {

@@ -1,4 +1,4 @@
-// sim.sensors: a mapping from names to measured values.
+// sim.sensors and batch.sensors: a mapping from names to measured values.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/vector.h>
@@ -15,9 +15,16 @@
 namespace fork1s::python {
 namespace {
 
+// (k,), of a batch (n, k).
 Array ValueOf(const SensorValues& s, std::size_t sensor) {
-  return ToArray(std::vector<double>(s.values.begin() + static_cast<std::ptrdiff_t>(s.first[sensor]),
-                                     s.values.begin() + static_cast<std::ptrdiff_t>(s.first[sensor + 1])));
+  const std::size_t width = s.first.back(), size = s.first[sensor + 1] - s.first[sensor];
+  std::vector<double> values;
+  for (std::size_t i = 0; i < s.members.value_or(1); ++i) {
+    const auto begin = s.values.begin() + static_cast<std::ptrdiff_t>(i * width + s.first[sensor]);
+    values.insert(values.end(), begin, begin + static_cast<std::ptrdiff_t>(size));
+  }
+  if (s.members) return Own(std::move(values), {*s.members, size});
+  return Own(std::move(values), {size});
 }
 
 Array SensorNamed(const SensorValues& s, const std::string& name) {
@@ -37,9 +44,11 @@ std::map<std::string, std::string> Reasons(const SensorValues& s) {
 
 void BindSensors(nb::module_& m) {
   auto type =
-      nb::class_<SensorValues>(m, "Sensors", R"(Sensors of the file by name, read-only: `sim.sensors["gyro"]`.
+      nb::class_<SensorValues>(
+          m, "Sensors",
+          R"(Sensors of the file by name, read-only: `sim.sensors["gyro"]`, `batch.sensors["gyro"]`.
 
-Values are those of the moment at which `sim.sensors` was asked for; each is an array (k,) in the units of MJCF. A
+Values are those of the moment at which `sensors` was asked for; each is an array (k,), of a batch (n, k), in the units of MJCF. A
 sensor that has no value is NaN, and `missing` says why. Raises UnknownNameError (a KeyError).)")
           .def("__getitem__", SensorNamed, nb::arg("name"),
                nb::sig("def __getitem__(self, name: str) -> numpy.typing.NDArray[numpy.float64]"))
@@ -75,9 +84,13 @@ sensor that has no value is NaN, and `missing` says why. Raises UnknownNameError
               },
               nb::sig("def values(self) -> list[numpy.typing.NDArray[numpy.float64]]"))
           .def_prop_ro(
-              "array", [](const SensorValues& s) { return ToArray(s.values); },
-              "(n,) values of all sensors, one after another in the order of the file.", kOwn,
-              nb::sig("def array(self) -> numpy.typing.NDArray[numpy.float64]"))
+              "array",
+              [](const SensorValues& s) {
+                if (s.members) return Own(s.values, {*s.members, s.first.back()});
+                return ToArray(s.values);
+              },
+              "(m,), of a batch (n, m): values of all sensors, one after another in the order of the file.",
+              kOwn, nb::sig("def array(self) -> numpy.typing.NDArray[numpy.float64]"))
           .def_prop_ro("missing", Reasons, "Name -> why it has no value, of those that have none.")
           .def("__repr__", [](const SensorValues& s) {
             std::string text = "<fork1s.Sensors";

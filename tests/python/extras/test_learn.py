@@ -170,3 +170,61 @@ def test_feeding_straight_down_is_not_enough():
     for _ in range(80):
         done |= many.step(np.tile([0, 0, 0, 0, 1.0], (16, 1)))[4]["success"]
     assert not done.any()
+
+
+class Hold(learn.Task):
+    """A lever with a servo; what the task reads of a sensor is what is observed of it."""
+
+    name = "Hold"
+    steps = 1
+    bodies = ("lever",)
+    sensors = ("angle",)
+    actions = 1
+    observations = 1
+
+    def act(self, action):
+        return action
+
+    def observe(self, now):
+        return now.sensors["angle"]
+
+    def judge(self, before, now, action):
+        never = np.zeros(self.count, dtype=bool)
+        return np.zeros(self.count), never, never
+
+
+LEVER = """<mujoco><worldbody><body name="lever"><joint name="j" axis="0 1 0" damping=".1"/>
+  <geom size=".05" mass=".2" pos=".1 0 0"/><site name="s" pos=".1 0 0"/></body></worldbody>
+  <actuator><position name="p" joint="j" kp="2"/></actuator>
+  <sensor><jointpos name="angle" joint="j"/><accelerometer name="acc" site="s"/><gyro name="gyro" site="s"/>
+  <user name="own" dim="1"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_sensors_are_observed(count):
+    observe = ["sensor:acc", "sensor:gyro"]
+    if count:
+        env = learn.VectorEnvironment(count, Hold, randomise=False, model=LEVER, observe=observe)
+    else:
+        env = learn.Environment(Hold, randomise=False, model=LEVER, observe=observe)
+    seen, _ = env.reset(seed=1)
+    assert seen.shape == env.observation_space.shape == ((count, 7) if count else (7,))
+    assert_array_equal(seen, np.zeros(seen.shape))  # means over a step have no value yet
+    seen, *_ = env.step(np.full(env.action_space.shape, 0.5))
+    assert env.observation_space.contains(seen)
+    sensors = env.members.batch.sensors
+    expected = np.hstack([sensors[name] for name in ("angle", "acc", "gyro")])
+    assert_allclose(seen.reshape(-1, 7), np.clip(expected, -10, 10), rtol=1e-6)  # float32
+    assert abs(seen.reshape(-1, 7)[0, 5]) > 0.01  # it turns about y
+
+
+def test_sensors_that_cannot_be_observed_are_refused():
+    make = {"randomise": False, "model": LEVER}
+    with pytest.raises(fork1s.UnknownNameError, match="there is no sensor 'gyr'"):
+        learn.Environment(Hold, observe=["sensor:gyr"], **make)
+    with pytest.raises(fork1s.UsageError, match="a program of the user computes it"):
+        learn.Environment(Hold, observe=["sensor:own"], **make)
+    with pytest.raises(fork1s.UsageError, match="'sensor:NAME'"):
+        learn.Environment(Hold, observe=["gyro"], **make)
+    with pytest.raises(fork1s.UsageError, match="give a list"):
+        learn.Environment(Hold, observe="sensor:gyro", **make)
