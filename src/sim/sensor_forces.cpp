@@ -138,7 +138,7 @@ void Sensors::EvaluateAcceleration(const Simulation& simulation, const SensorDef
 // and likewise of the angular momentum about the world's origin, then moved to the frame half way through the step.
 void Sensors::EvaluateCut(const Simulation& simulation, const SensorDef& s, double* out) const {
   const auto f = FrameInStepOf(simulation, s.frame);
-  if (!f || !simulation.has_last_step()) return;
+  if (!f || !simulation.last_step().exists) return;
   const double h = simulation.dt();
   const Scene& scene = simulation.scene();
   std::vector<bool> is_inside(simulation.bodies().size(), false);
