@@ -335,59 +335,56 @@ std::optional<SensorActuator> ActuatorOf(Conversion& c, const LinearActuator& a)
 
 constexpr const char* kNoLaw = "its actuator is not simulated as the file has it";
 
+// Laws of the actuators for which `acts` says so of their number; nothing where one is not simulated as the file has it.
+template <class F>
+std::optional<std::vector<SensorActuator>> ActuatorsThat(Conversion& c, const F& acts) {
+  if (c.m.opt.disableflags & mjDSBL_ACTUATION) return std::nullopt;
+  const std::vector<LinearActuator> laws = LinearActuators(c.m, c.d);
+  std::vector<SensorActuator> out;
+  for (int i = 0; i < c.m.nactuator; ++i) {
+    if (!acts(i)) continue;
+    const auto law = std::find_if(laws.begin(), laws.end(), [&](const auto& a) { return a.actuator == i; });
+    auto actuator = law == laws.end() || !law->left_out.empty() ? std::nullopt : ActuatorOf(c, *law);
+    if (!actuator) return std::nullopt;
+    out.push_back(std::move(*actuator));
+  }
+  return out;
+}
+
+template <class F>
+SensorDef WithActuators(Conversion& c, SensorDef s, const F& acts) {
+  auto actuators = ActuatorsThat(c, acts);
+  if (!actuators) return Unknown(std::move(s), kNoLaw);
+  s.actuators = std::move(*actuators);
+  if (!s.actuators.empty()) s.mechanism = s.actuators[0].mechanism;
+  return s;
+}
+
 SensorDef ActuatorForceSensor(Conversion& c, SensorDef s, int id) {
   s.kind = SensorKind::kActuatorForce;
-  if (c.m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
-  for (const LinearActuator& a : LinearActuators(c.m, c.d)) {
-    if (a.actuator != id || !a.left_out.empty()) continue;
-    if (auto actuator = ActuatorOf(c, a)) {
-      s.mechanism = actuator->mechanism;
-      s.actuators.push_back(std::move(*actuator));
-      return s;
-    }
-  }
-  return Unknown(std::move(s), kNoLaw);
+  return WithActuators(c, std::move(s), [&](int i) { return i == id; });
 }
 
 SensorDef JointActuatorForceSensor(Conversion& c, SensorDef s, int joint) {
   const mjModel& m = c.m;
   s = LengthSensor(c, std::move(s), SensorKind::kJointActuatorForce, mjOBJ_JOINT, joint);
   if (s.kind == SensorKind::kUnknown) return s;
-  if (m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
-  const int dof = m.jnt_dofadr[joint];
-  const auto acts = [&](const Length& length) {
-    return std::any_of(length.terms.begin(), length.terms.end(),
-                       [&](const auto& term) { return term.first == dof; });
-  };
-  const std::vector<LinearActuator> laws = LinearActuators(m, c.d);
-  for (int i = 0; i < m.nactuator; ++i) {
-    if (!acts(ActuatorLength(m, c.d, i))) continue;
-    const auto law = std::find_if(laws.begin(), laws.end(), [&](const auto& a) { return a.actuator == i; });
-    auto actuator = law == laws.end() || !law->left_out.empty() ? std::nullopt : ActuatorOf(c, *law);
-    if (!actuator) return Unknown(std::move(s), kNoLaw);
-    s.actuators.push_back(std::move(*actuator));
-  }
   if (m.jnt_actfrclimited[joint]) {
     s.lower = m.jnt_actfrcrange[2 * joint];
     s.upper = m.jnt_actfrcrange[2 * joint + 1];
   }
-  return s;
+  return WithActuators(c, std::move(s), [&](int i) {
+    const Length length = ActuatorLength(m, c.d, i);
+    return std::any_of(length.terms.begin(), length.terms.end(),
+                       [&](const auto& term) { return term.first == m.jnt_dofadr[joint]; });
+  });
 }
 
 SensorDef TendonActuatorForceSensor(Conversion& c, SensorDef s, int tendon) {
-  const mjModel& m = c.m;
   s.kind = SensorKind::kTendonActuatorForce;
-  if (m.opt.disableflags & mjDSBL_ACTUATION) return Unknown(std::move(s), kNoLaw);
-  const std::vector<LinearActuator> laws = LinearActuators(m, c.d);
-  for (int i = 0; i < m.nactuator; ++i) {
-    if (m.actuator_trntype[i] != mjTRN_TENDON || m.actuator_trnid[2 * i] != tendon) continue;
-    const auto law = std::find_if(laws.begin(), laws.end(), [&](const auto& a) { return a.actuator == i; });
-    auto actuator = law == laws.end() || !law->left_out.empty() ? std::nullopt : ActuatorOf(c, *law);
-    if (!actuator) return Unknown(std::move(s), kNoLaw);
-    s.mechanism = actuator->mechanism;
-    s.actuators.push_back(std::move(*actuator));
-  }
-  return s;
+  return WithActuators(c, std::move(s), [&](int i) {
+    return c.m.actuator_trntype[i] == mjTRN_TENDON && c.m.actuator_trnid[2 * i] == tendon;
+  });
 }
 
 SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {

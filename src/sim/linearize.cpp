@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
-#include <initializer_list>
 #include <utility>
 
 #include "linalg/null_space.hpp"
@@ -127,7 +126,7 @@ class Linearizer {
       if (auto done = Differentiate(step, change_(k), k < n ? name : "rate of " + name, out_.A.col(k)); !done)
         return tl::unexpected(done.error());
       out_.C.col(k).setZero();
-      if (k < n) DifferentiateOutputs(k, out_.C.col(k));
+      if (k < n && !options_.outputs.empty()) DifferentiateOutputs(k, out_.C.col(k));
     }
     for (Eigen::Index k = 0; k < m; ++k) {
       const auto step = [&](double change, VectorX& next, StepReport& of) {
@@ -141,6 +140,7 @@ class Linearizer {
     }
     return std::move(out_);
   }
+  void GoBack() { Restore(start_); }
 
  private:
   // Names, references and by how much each coordinate is moved.
@@ -195,7 +195,10 @@ class Linearizer {
       const auto [p, v] = part(out_.free_bodies[i]);
       Move(out_.free_bodies[i], simulation_.world().free_bodies()[i], p, v, moved.world.free_bodies[i]);
     }
-    const auto done = simulation_.Restore(moved);
+    Restore(moved);
+  }
+  void Restore(const Simulation::Snapshot& moment) {
+    const auto done = simulation_.Restore(moment);
     FORK1S_REQUIRE(done.has_value(), "what was saved here fits");
   }
 
@@ -276,7 +279,14 @@ class Linearizer {
 
 }  // namespace
 
+bool LinearizedStep::IsOf(const Simulation& simulation) const {
+  const World& world = simulation.world();
+  return world.mechanisms().size() == mechanisms.size() && world.free_bodies().size() == free_bodies.size() &&
+         simulation.CoordinateNames().size() == num_joints;
+}
+
 VectorX LinearizedStep::Deviation(const Simulation& simulation) const {
+  FORK1S_REQUIRE(IsOf(simulation), "a simulation of another model than the one that was linearized");
   const auto n = static_cast<Eigen::Index>(coordinates.size());
   VectorX dx(2 * n);
   Eigen::Index at = 0;
@@ -312,14 +322,13 @@ Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOption
   if (!simulation.holds().empty())
     return refuse("bodies are held by frozen contacts; let them go by another level of detail");
 
-  const Simulation::Snapshot start = simulation.Save();
   const StepOptions given = simulation.step_options();
   simulation.step_options().refresh = false;
   simulation.step_options().newton_tolerance = kTolerance;
-  auto out = Linearizer(simulation, options).Linearize();
+  Linearizer linearizer(simulation, options);
+  auto out = linearizer.Linearize();
+  linearizer.GoBack();
   simulation.step_options() = given;
-  const auto done = simulation.Restore(start);
-  FORK1S_REQUIRE(done.has_value(), "what was saved here fits");
   return out;
 }
 

@@ -99,11 +99,10 @@ std::span<const double> Sensors::operator[](int sensor) const {
 }
 
 std::span<const double> Sensors::operator[](const std::string& name) const {
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < definitions_.size(); ++i) {
+  for (std::size_t i = 0; i < definitions_.size(); ++i)
     if (definitions_[i].name == name) return (*this)[static_cast<int>(i)];
-    names.push_back(definitions_[i].name);
-  }
+  std::vector<std::string> names;
+  for (const SensorDef& s : definitions_) names.push_back(s.name);
   internal::ThrowMisuse(std::source_location::current(),
                         "there is no sensor '" + name + "'" +
                             (names.empty() ? ": the scene has none" : Suggestion(name, names)));

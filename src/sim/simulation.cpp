@@ -92,6 +92,8 @@ StepReport Simulation::Step(bool controls_move) {
                  "s, which stays; make a simulation of another dt");
   FORK1S_REQUIRE(step_options_.gravity.allFinite(), "step_options() with the gravity",
                  step_options_.gravity.transpose(), "m/s²; give finite numbers");
+  FORK1S_REQUIRE(step_options_.newton_tolerance > 0, "step_options() with newton_tolerance",
+                 step_options_.newton_tolerance, "; give a number above 0");
   PassControls(controls_move);
   CollectPointSprings();
   // HoldForces asks for them after the step, which forgets them.

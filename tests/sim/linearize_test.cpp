@@ -326,6 +326,10 @@ TEST(Linearize, BadOptions_AreTold) {
   out = Linearize(simulation, options);
   ASSERT_FALSE(out);
   EXPECT_NE(out.error().Text().find("no body 17"), std::string::npos) << out.error().Text();
+  const LinearizedStep step = LinearizeOrThrow(simulation);
+  const Simulation other = StartFrom(BoxOnPlane(0.5));
+  EXPECT_FALSE(step.IsOf(other));
+  EXPECT_THROW(step.Deviation(other), std::invalid_argument);
 }
 
 }  // namespace

@@ -84,6 +84,8 @@ TEST(Misuse, OfStepOptionsThrows) {
       with("h of 0.5 s beside dt() of 0.0166667 s", [](auto& o) { o.h = 0.5; }),
       with("h of nan s", [](auto& o) { o.h = kNaN; }),
       with("h of -1 s", [](auto& o) { o.h = -1; }),
+      with("newton_tolerance nan", [](auto& o) { o.newton_tolerance = kNaN; }),
+      with("newton_tolerance 0", [](auto& o) { o.newton_tolerance = 0; }),
   });
 }
 

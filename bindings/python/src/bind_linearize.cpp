@@ -2,7 +2,6 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/vector.h>
 #include <fork1s/sim/linearize.hpp>
-#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "arguments.hpp"
 #include "arrays.hpp"
@@ -25,10 +24,7 @@ LinearizedStep LinearizeStep(Runner& runner, const nb::object& outputs, const Re
 
 VectorX Deviation(const LinearizedStep& step, Runner& runner) {
   const auto dx = runner.With([&](Simulation& s) -> Expected<VectorX> {
-    const World& world = s.world();
-    if (world.mechanisms().size() != step.mechanisms.size() ||
-        world.free_bodies().size() != step.free_bodies.size() ||
-        s.CoordinateNames().size() != step.num_joints)
+    if (!step.IsOf(s))
       return Fail(ErrorCode::kUsage, "simulation", "is of another model than the one that was linearized");
     return step.Deviation(s);
   });
@@ -90,7 +86,7 @@ free body the same six. dv: their rates, of rotations the angular velocity.)")
       R"(The next step to first order about the present state and controls (`LinearizedStep`), pushes left out.
 
 outputs: names of bodies whose poses are outputs. change: by how much coordinates are moved, rad or shares of a
-length. By central differences of whole steps at two changes, extrapolated, each solved to rounding: 8 n + 4 m
+length. By central differences of whole steps at two changes, extrapolated, each solved to rounding: 8 n + 4 m + 1
 steps. The simulation is left bit by bit as it was. Raises UnknownNameError, UsageError, and NumericsError where
 a step is not solved.)",
       nb::sig("def linearize(self, outputs: collections.abc.Sequence[str] = (), *, change: float = 1e-06) -> "

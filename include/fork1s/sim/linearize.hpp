@@ -35,15 +35,20 @@ struct LinearizedStep {
   /// than 0.01 stand on a switch, where a contact or stop opens, friction begins to slide, or a force meets its bound,
   /// and their column is the mean of two.
   struct Switch {
-    std::string of;      // "rate of elbow", or the name of an input
-    double share = 0;    // |f(+) - 2 f(0) + f(-)| over |f(+) - f(-)|
-    std::string change;  // what differs from the step that is not moved: "contacts 3 instead of 4"
+    std::string of;  // "rate of elbow", or the name of an input
+    double share =
+        0;  // |f(+) - 2 f(0) + f(-)| over |f(+) - f(-)|, or over 0.01 of the change where that is larger
+    std::string
+        change;  // what differs from the step that is not moved: "contacts that bear: 4, with changes to both sides 3 and 4"
   };
   std::vector<Switch> switches;
   /// The largest entry of A and B in which differences of twice the change differ, before both are extrapolated.
   double difference = 0;
 
-  /// δx of a state of the same scene, [2n]: what a feedback u = u* - K δx asks of each step.
+  /// Whether a simulation has as many mechanisms, free bodies and joint coordinates.
+  bool IsOf(const Simulation& simulation) const;
+  /// δx of a state of the same scene, [2n]: what a feedback u = u* - K δx asks of each step. Throws
+  /// std::invalid_argument where IsOf is false.
   VectorX Deviation(const Simulation& simulation) const;
 
   // x*, by which Deviation counts.
@@ -57,7 +62,7 @@ struct LinearizedStep {
   std::vector<Reference> mechanisms, free_bodies;
 };
 
-/// By central differences of whole steps, at two changes and extrapolated: 8 n + 4 m steps, each solved to rounding.
+/// By central differences of whole steps, at two changes and extrapolated: 8 n + 4 m + 1 steps, each solved to rounding.
 /// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
 /// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
 /// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01], and while bodies are held
