@@ -29,21 +29,19 @@ double PluginNumber(const mjModel& m, int i, const char* attribute) {
   return text != nullptr ? std::strtod(text, nullptr) : 0;
 }
 
-std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, const mjData& d, int i) {
+std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, int i) {
   switch (m.actuator_trntype[i]) {
     case mjTRN_JOINT:
     case mjTRN_JOINTINPARENT:
       if (m.jnt_type[m.actuator_trnid[2 * i]] == mjJNT_FREE) {
         return ActuatorRefusal{"actuator on a free joint",
-                               "a free body is pushed by pulls, not by actuators"};
+                               "it acts on no site; put it on a site of the body"};
       }
       return std::nullopt;
     case mjTRN_TENDON:
     case mjTRN_SLIDERCRANK:
     case mjTRN_SITE:
-      if (!HearsFreeJoint(m, ActuatorLength(m, d, i))) return std::nullopt;
-      return ActuatorRefusal{"actuator on a free body",
-                             "a push that turns with a free body is not simulated"};
+      return std::nullopt;
     case mjTRN_BODY:
       return ActuatorRefusal{"adhesion actuator", "adhesion is not simulated"};
     case mjTRN_SO3:
@@ -184,19 +182,19 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
 
 }  // namespace
 
-std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, const mjData& d, int i) {
+std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, int i) {
   // Groups are numbered from 0; only the first 31 have a bit.
   if (const int group = m.actuator_group[i]; group >= 0 && group < 31 && (m.opt.disableactuator >> group & 1))
     return ActuatorRefusal{fmt::format("actuator of group {}", group),
                            "actuatorgroupdisable in <option> switches it off"};
   if (auto refusal = WhyNoForce(m, i)) return refusal;
-  return WhyNoTransmission(m, d, i);
+  return WhyNoTransmission(m, i);
 }
 
 std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d) {
   std::vector<LinearActuator> actuators;
   for (int i = 0; i < m.nactuator; ++i) {
-    if (WhyNoLaw(m, d, i)) continue;
+    if (WhyNoLaw(m, i)) continue;
     LinearActuator a = Law(m, d, i);
     // A force on a site alone has no length that could hold it.
     if (HasNoLength(m, i)) {

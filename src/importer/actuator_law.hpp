@@ -33,7 +33,7 @@ struct LinearActuator {
 struct ActuatorRefusal {
   std::string kind, why;
 };
-std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, const mjData& d, int actuator);
+std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, int actuator);
 
 /// Laws of all actuators that have one and move something; `d` as for ActuatorLength.
 std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d);

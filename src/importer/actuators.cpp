@@ -114,7 +114,7 @@ void ConvertActuators(Conversion& c) {
   }
   std::map<std::string, std::pair<std::string, std::vector<std::string>>> refused;
   for (int i = 0; i < m.nactuator; ++i) {
-    if (auto refusal = WhyNoLaw(m, c.d, i)) {
+    if (auto refusal = WhyNoLaw(m, i)) {
       auto& entry = refused[refusal->kind];
       entry.first = refusal->why;
       entry.second.push_back(c.actuator_names[i]);
@@ -134,7 +134,7 @@ void ConvertActuators(Conversion& c) {
     for (const std::string& part : a.left_out) left_out[part].push_back(a.name);
   }
   for (int i = 0; i < m.nactuator; ++i) {
-    if (!moves[static_cast<std::size_t>(i)] && !WhyNoLaw(m, c.d, i))
+    if (!moves[static_cast<std::size_t>(i)] && !WhyNoLaw(m, i))
       c.Dropped(fmt::format("actuator '{}'", c.actuator_names[i]), "its gear is zero, so it moves nothing");
   }
   for (const auto& [part, names] : left_out)

@@ -67,11 +67,31 @@ FreedomDef Rotation(const Vector3& axis, const Vector3& anchor) {
   return freedom;
 }
 
-JointDef ConvertJoint(const Conversion& c, int j) {
+// Two of a free joint: its position along the axes of the base, as MuJoCo has it along the world's, then its
+// rotation, which may turn as far as it likes. Of any other joint one.
+std::vector<JointDef> ConvertJoint(const Conversion& c, int j, const RigidTransform& X_W_base) {
   const mjModel& m = c.m;
   JointDef joint;
   joint.name = c.joint_names[j];
   joint.body = c.body[m.jnt_bodyid[j]].body;
+  const int dof = m.jnt_dofadr[j];
+  const auto put_losses = [&](JointDef& to, int first) {
+    for (std::size_t i = 0; i < to.freedoms.size(); ++i) {
+      const int at = first + static_cast<int>(i);
+      to.freedoms[i].damping = m.opt.disableflags & mjDSBL_DAMPER ? 0 : m.dof_damping[at];
+      to.freedoms[i].armature = m.dof_armature[at];
+    }
+  };
+  if (m.jnt_type[j] == mjJNT_FREE) {
+    const Matrix3 R_base_B = (X_W_base.inverse() * c.WorldPose(m.jnt_bodyid[j])).rotation();
+    Matrix6X screws = Matrix6X::Zero(6, 3);
+    screws.bottomRows<3>() = R_base_B.transpose();
+    JointDef position = JointDef::General(joint.name + ".position", joint.body, screws),
+             rotation = JointDef::Ball(joint.name + ".rotation", joint.body);
+    put_losses(position, dof);
+    put_losses(rotation, dof + 3);
+    return {std::move(position), std::move(rotation)};
+  }
   const Vector3 axis = Vec3(m.jnt_axis + 3 * j), anchor = Vec3(m.jnt_pos + 3 * j);
   switch (m.jnt_type[j]) {
     case mjJNT_HINGE:
@@ -85,26 +105,11 @@ JointDef ConvertJoint(const Conversion& c, int j) {
       joint.freedoms = {freedom};
       break;
     }
-    case mjJNT_BALL:
+    default:
       joint.kind = JointKind::kBall;
       for (int i = 0; i < 3; ++i) joint.freedoms.push_back(Rotation(Vector3::Unit(i), anchor));
-      break;
-    default:
-      joint.kind = JointKind::kFree;
-      for (int i = 0; i < 6; ++i) {
-        FreedomDef freedom;
-        freedom.screw_B = Vector6::Unit(i);
-        joint.freedoms.push_back(freedom);
-      }
   }
-  const int dof = m.jnt_dofadr[j];
-  const bool is_free = m.jnt_type[j] == mjJNT_FREE;
-  for (std::size_t i = 0; i < joint.freedoms.size(); ++i) {
-    // MuJoCo lists a free joint's translations first.
-    const int at = dof + static_cast<int>(is_free ? (i + 3) % 6 : i);
-    joint.freedoms[i].damping = m.dof_damping[at];
-    joint.freedoms[i].armature = m.dof_armature[at];
-  }
+  put_losses(joint, dof);
   const bool limited = m.jnt_limited[j] && !(m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT));
   if (limited && joint.freedoms.size() == 1) {
     const double q0 = m.qpos0[m.jnt_qposadr[j]];
@@ -112,10 +117,7 @@ JointDef ConvertJoint(const Conversion& c, int j) {
     joint.freedoms[0].lower = lower - q0;
     joint.freedoms[0].upper = upper - q0;
   }
-  if (m.opt.disableflags & mjDSBL_DAMPER) {
-    for (FreedomDef& freedom : joint.freedoms) freedom.damping = 0;
-  }
-  return joint;
+  return {std::move(joint)};
 }
 
 void ConvertMechanism(Conversion& c, const Component& component, const std::vector<int>& bodies) {
@@ -167,7 +169,7 @@ void ConvertMechanism(Conversion& c, const Component& component, const std::vect
   }
   for (int j : joints) {
     c.joint[j] = {index, JointIndex(mechanism.joints.size())};
-    mechanism.joints.push_back(ConvertJoint(c, j));
+    for (JointDef& joint : ConvertJoint(c, j, X_W_base)) mechanism.joints.push_back(std::move(joint));
   }
   c.scene.mechanisms.push_back(std::move(mechanism));
   c.controls.emplace_back();

@@ -93,8 +93,8 @@ void ConvertFriction(Conversion& c) {
     if (m.tendon_frictionloss[t] == 0) continue;
     const Length length = TendonLength(m, c.d, t);
     const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-    if (length.terms.empty() || HearsFreeJoint(m, length))
-      c.Dropped(fmt::format("dry friction of tendon '{}'", name), "it moves nothing here, or a free body");
+    if (length.terms.empty())
+      c.Dropped(fmt::format("dry friction of tendon '{}'", name), "it moves nothing here");
     else
       add(name, length, m.tendon_frictionloss[t]);
   }
@@ -107,8 +107,8 @@ void ConvertTendonLimits(Conversion& c) {
     if (!m.tendon_limited[t]) continue;
     const Length length = TendonLength(m, c.d, t);
     const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-    if (length.terms.empty() || HearsFreeJoint(m, length)) {
-      c.Dropped(fmt::format("length limit of tendon '{}'", name), "it moves nothing here, or a free body");
+    if (length.terms.empty()) {
+      c.Dropped(fmt::format("length limit of tendon '{}'", name), "it moves nothing here");
       continue;
     }
     LengthLimitDef limit;

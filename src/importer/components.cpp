@@ -135,19 +135,21 @@ void FindComponents(Conversion& c) {
       tie(PlaceOfEquality(m, e, 0).body, PlaceOfEquality(m, e, 1).body);
     }
   }
-  for (int t = 0; t < m.ntendon; ++t) {
-    if (!TendonWorks(m, c.d, t)) continue;
-    const std::vector<int> bodies = BodiesOfTendon(m, t);
+  const auto tie_by = [&](const Length& length, const std::vector<int>& bodies) {
     // Two trees that a tendon ties together do not touch each other by way of the still world.
     const auto moving =
         std::find_if(bodies.begin(), bodies.end(), [&](int b) { return !is_still(top_of(b)); });
-    if (moving == bodies.end()) continue;
+    if (moving == bodies.end()) return;
     for (int body : bodies) tie(*moving, body);
-  }
+    // Lengths and forces on free joints are of coordinates: their trees have joints to the still world.
+    for (const auto& term : length.terms)
+      if (const int joint = m.dof_jntid[term.first]; m.jnt_type[joint] == mjJNT_FREE)
+        touching.push_back(top_of(m.jnt_bodyid[joint]));
+  };
+  for (int t = 0; t < m.ntendon; ++t)
+    if (TendonWorks(m, c.d, t)) tie_by(TendonLength(m, c.d, t), BodiesOfTendon(m, t));
   if (!(m.opt.disableflags & mjDSBL_ACTUATION))
-    for (const LinearActuator& a : LinearActuators(m, c.d))
-      if (const std::vector<int> bodies = BodiesOfActuator(m, a.actuator); bodies.size() == 2)
-        tie(bodies[0], bodies[1]);
+    for (const LinearActuator& a : LinearActuators(m, c.d)) tie_by(a.length, BodiesOfActuator(m, a.actuator));
 
   std::vector<int> component_of(m.nbody, -1);
   for (int b = 1; b < m.nbody; ++b) {

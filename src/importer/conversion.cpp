@@ -35,9 +35,8 @@ RigidTransform Conversion::WorldPose(int b) const {
 int Conversion::MechanismOf(int dof) const { return joint[m.dof_jntid[dof]].mechanism; }
 
 FreedomRef Conversion::Freedom(int dof) const {
-  const int j = m.dof_jntid[dof];
-  int i = dof - m.jnt_dofadr[j];
-  if (m.jnt_type[j] == mjJNT_FREE) i = (i + 3) % 6;  // MuJoCo lists translations first
+  const int j = m.dof_jntid[dof], i = dof - m.jnt_dofadr[j];
+  if (m.jnt_type[j] == mjJNT_FREE && i >= 3) return {JointIndex(joint[j].joint.value() + 1), i - 3};
   return {joint[j].joint, i};
 }
 
@@ -49,8 +48,9 @@ FreedomDef& Conversion::FreedomOf(int dof) {
 std::string Conversion::DofName(int dof) const {
   const int j = m.dof_jntid[dof];
   if (m.jnt_type[j] == mjJNT_HINGE || m.jnt_type[j] == mjJNT_SLIDE) return joint_names[j];
-  static const char* const kAxes[] = {"rx", "ry", "rz", "x", "y", "z"};
-  return fmt::format("{}.{}", joint_names[j], kAxes[Freedom(dof).freedom]);
+  static const char* const kAxes[] = {"x", "y", "z", "rx", "ry", "rz"};
+  const int i = dof - m.jnt_dofadr[j];
+  return fmt::format("{}.{}", joint_names[j], kAxes[m.jnt_type[j] == mjJNT_FREE ? i : i + 3]);
 }
 
 double Conversion::Reference(int dof) const {
@@ -62,7 +62,7 @@ double Conversion::Reference(int dof) const {
 const char* Conversion::StiffnessUnit(int dof) const {
   const int j = m.dof_jntid[dof];
   const bool translates =
-      m.jnt_type[j] == mjJNT_SLIDE || (m.jnt_type[j] == mjJNT_FREE && Freedom(dof).freedom > 2);
+      m.jnt_type[j] == mjJNT_SLIDE || (m.jnt_type[j] == mjJNT_FREE && dof < m.jnt_dofadr[j] + 3);
   return translates ? "N/m" : "N·m/rad";
 }
 

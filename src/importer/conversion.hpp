@@ -27,7 +27,7 @@ struct BodyPlace {
 
 struct JointPlace {
   int mechanism = -1;  // -1: the joint became a base or a free body
-  JointIndex joint;
+  JointIndex joint;    // of a free joint its position; the one after it is its rotation
 };
 
 /// Trees of the file that move together as one mechanism.

@@ -60,10 +60,11 @@ void SetJoint(const Conversion& c, const MechanismDef& mechanism, const BaseStat
     case mjJNT_FREE: {
       const RigidTransform X_RB0 = mechanism.X_WR.inverse() * c.WorldPose(m.jnt_bodyid[j]);
       const RigidTransform X_WB = FreePose(qpos), X_RB = base.X_WR.inverse() * X_WB;
-      const Vector6 x = Log(X_RB0.inverse() * X_RB);
+      const Vector3 phi = LogRotation(X_RB0.rotation().transpose() * X_RB.rotation());
       const Vector6 V_B = FreeTwist(X_WB, qvel) - AdjointApply(X_RB.inverse(), base.V_R);
-      state.q.segment<6>(at) = x;
-      state.q_dot.segment<6>(at) = DexpInverse(Vector6(-x)) * V_B;
+      state.q.segment<6>(at) << X_RB.translation() - X_RB0.translation(), phi;
+      state.q_dot.segment<6>(at) << X_RB.rotation() * V_B.tail<3>(),
+          DexpInverseRotation(-phi) * V_B.head<3>();
       break;
     }
     default:

@@ -41,11 +41,6 @@ bool IsSpatial(const mjModel& m, int t) {
   return m.tendon_num[t] > 0 && m.wrap_type[m.tendon_adr[t]] != mjWRAP_JOINT;
 }
 
-bool HearsFreeJoint(const mjModel& m, const Length& length) {
-  return std::any_of(length.terms.begin(), length.terms.end(),
-                     [&](const auto& term) { return m.jnt_type[m.dof_jntid[term.first]] == mjJNT_FREE; });
-}
-
 std::vector<int> BodiesOfTendon(const mjModel& m, int t) {
   std::vector<int> bodies;
   for (int w = m.tendon_adr[t]; w < m.tendon_adr[t] + m.tendon_num[t]; ++w) {

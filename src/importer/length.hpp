@@ -26,8 +26,6 @@ Length TendonLength(const mjModel& m, const mjData& d, int tendon);
 Length ActuatorLength(const mjModel& m, const mjData& d, int actuator);  // gear included
 
 bool IsSpatial(const mjModel& m, int tendon);
-/// Whether a length hears a free joint: its arms there are of the world's axes and turn with the body.
-bool HearsFreeJoint(const mjModel& m, const Length& length);
 /// Whether an actuator turns a ball joint.
 inline bool IsOnBall(const mjModel& m, int actuator) {
   const int type = m.actuator_trntype[actuator];

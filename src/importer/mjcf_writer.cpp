@@ -188,6 +188,9 @@ class MjcfWriter {
         const ControlSource& source = c_.controls[i][k];
         if (source.pd.empty()) continue;
         const int joint = c_.m.dof_jntid[source.pd[0].first];
+        if (c_.m.jnt_type[joint] == mjJNT_FREE)
+          return Refuse("joint-pd", fmt::format("free joint '{}': in MJCF no actuator holds its position",
+                                                c_.joint_names[static_cast<std::size_t>(joint)]));
         std::string& name = c_.scene.mechanisms[i].controls[k].name;
         while (mjs_findElement(spec_, mjOBJ_ACTUATOR, name.c_str()) != nullptr) name += '_';
         AddServo(name, joint, source);

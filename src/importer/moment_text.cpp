@@ -39,10 +39,14 @@ void PutJoint(const Conversion& c, const MechanismDef& mechanism, const Keyframe
       break;
     }
     case mjJNT_FREE: {
-      const Vector6 x = state.q.segment<6>(at);
-      const RigidTransform X_RB = mechanism.X_WR.inverse() * c.WorldPose(m.jnt_bodyid[j]) * Exp(x);
-      PutFree(c, j, state.X_WR * X_RB,
-              Dexp(Vector6(-x)) * state.q_dot.segment<6>(at) + AdjointApply(X_RB.inverse(), state.V_R), key);
+      const RigidTransform X_RB0 = mechanism.X_WR.inverse() * c.WorldPose(m.jnt_bodyid[j]);
+      const Vector3 phi = state.q.segment<3>(at + 3);
+      const RigidTransform X_RB(X_RB0.rotation() * ExpRotation(phi),
+                                X_RB0.translation() + state.q.segment<3>(at));
+      Vector6 V_B;
+      V_B << DexpRotation(-phi) * state.q_dot.segment<3>(at + 3),
+          X_RB.rotation().transpose() * state.q_dot.segment<3>(at);
+      PutFree(c, j, state.X_WR * X_RB, V_B + AdjointApply(X_RB.inverse(), state.V_R), key);
       break;
     }
     default:

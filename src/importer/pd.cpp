@@ -147,19 +147,27 @@ std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options) {
     const std::string where = fmt::format("option joint-pd '{}'", name);
     if (auto error = CheckGains(where, gains)) return error;
     std::vector<std::string> known;
-    int found = -1;
+    int first = -1, count = 0;
+    const auto offer = [&](const std::string& joint, int dof, int size) {
+      known.push_back(joint);
+      if (joint == name) std::tie(first, count) = std::pair(dof, size);
+    };
     for (int j = 0; j < c.m.njnt; ++j) {
-      if (c.joint[j].mechanism < 0 || c.m.jnt_type[j] == mjJNT_FREE) continue;
-      known.push_back(c.joint_names[j]);
-      if (c.joint_names[j] == name) found = j;
+      if (c.joint[j].mechanism < 0) continue;
+      const int dof = c.m.jnt_dofadr[j];
+      if (c.m.jnt_type[j] == mjJNT_FREE) {
+        offer(c.joint_names[j] + ".position", dof, 3);
+        offer(c.joint_names[j] + ".rotation", dof + 3, 3);
+      } else {
+        offer(c.joint_names[j], dof, c.m.jnt_type[j] == mjJNT_BALL ? 3 : 1);
+      }
     }
-    if (found < 0) {
+    if (first < 0) {
       return Error{ErrorCode::kUsage, fmt::format("{}, {}", c.file, where),
                    fmt::format("no mechanism has a hinge, slide or ball joint of that name{}",
                                Suggestion(name, known))};
     }
-    const int count = c.m.jnt_type[found] == mjJNT_BALL ? 3 : 1;
-    for (int i = 0; i < count; ++i) Hold(c, c.m.jnt_dofadr[found] + i, gains);
+    for (int i = 0; i < count; ++i) Hold(c, first + i, gains);
   }
   return std::nullopt;
 }

@@ -288,12 +288,12 @@ SensorDef PotentialEnergySensor(Conversion& c, SensorDef s) {
   for (int j = 0; j < m.njnt; ++j) {
     if (!has_spring(m.jnt_stiffness, m.jnt_stiffnesspoly, j)) continue;
     const int dof = m.jnt_dofadr[j], at = m.jnt_qposadr[j];
-    if (m.jnt_type[j] == mjJNT_FREE) return Unknown(std::move(s), kLeftOut);
-    const bool is_ball = m.jnt_type[j] == mjJNT_BALL;
-    for (int k = 0; k < (is_ball ? 3 : 1); ++k) {
+    const bool is_free = m.jnt_type[j] == mjJNT_FREE, is_ball = is_free || m.jnt_type[j] == mjJNT_BALL;
+    if (is_free && c.joint[j].mechanism < 0) return Unknown(std::move(s), kLeftOut);
+    for (int k = 0; k < (is_free ? 6 : is_ball ? 3 : 1); ++k) {
       Length length;
       length.terms = {{dof + k, 1.0}};
-      // Ball joints are sprung towards the reference, and have the linear part alone.
+      // Ball and free joints are sprung towards the reference, and have the linear part alone.
       if (!add(length, is_ball ? 0 : m.qpos_spring[at] - m.qpos0[at], 0, m.jnt_stiffness[j],
                is_ball ? kLinear : m.jnt_stiffnesspoly + mjNPOLY * j))
         return Unknown(std::move(s), kNotOfOneMechanism);

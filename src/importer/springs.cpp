@@ -127,7 +127,7 @@ void AddTendonSpring(Conversion& c, int t) {
 }  // namespace
 
 bool TendonWorks(const mjModel& m, const mjData& d, int t) {
-  if (m.tendon_num[t] == 0 || HearsFreeJoint(m, TendonLength(m, d, t))) return false;
+  if (m.tendon_num[t] == 0) return false;
   if (HasSpringOrDamper(m, t) || m.tendon_frictionloss[t] != 0 || m.tendon_limited[t]) {
     return true;
   }
@@ -146,16 +146,8 @@ void ConvertSprings(Conversion& c) {
   if (no_dampers)
     c.Note(ImportNote::Kind::kChanged, "option", "dampers of joints and tendons are switched off");
   for (int j = 0; j < m.njnt; ++j) AddJointSpring(c, j);
-  std::vector<std::string> on_free;
-  for (int t = 0; t < m.ntendon; ++t) {
-    if (!HasSpringOrDamper(m, t)) continue;
-    if (HearsFreeJoint(m, TendonLength(m, c.d, t))) {
-      on_free.push_back(NameOr(m, m.name_tendonadr[t], "tendon", t));
-      continue;
-    }
-    AddTendonSpring(c, t);
-  }
-  c.DroppedMany("spring of tendon", on_free, "it pulls on a free body");
+  for (int t = 0; t < m.ntendon; ++t)
+    if (HasSpringOrDamper(m, t)) AddTendonSpring(c, t);
 }
 
 void FinishSprings(Conversion& c) {

@@ -250,7 +250,9 @@ TEST(ImportClosures, FloatingTreePinnedToTheWorld) {
   const MechanismDef& mechanism = loaded.scene.mechanisms[0];
   EXPECT_EQ(mechanism.base, BaseKind::kFixed);
   EXPECT_EQ(mechanism.bodies[0].name, "world");
-  EXPECT_EQ(mechanism.joints[0].kind, JointKind::kFree);
+  EXPECT_EQ(mechanism.joints[0].name, "joint0.position");
+  EXPECT_EQ(mechanism.joints[1].name, "joint0.rotation");
+  EXPECT_EQ(mechanism.joints[1].kind, JointKind::kBall);
   EXPECT_EQ(mechanism.closures.size(), 1u);
   MustBuild(mechanism);
 }

@@ -71,6 +71,7 @@ struct Peer {
     const mjtNum *p = d->xpos + 3 * b, *q = d->xquat + 4 * b;
     return {Quaternion(q[0], q[1], q[2], q[3]), Vector3(p[0], p[1], p[2])};
   }
+  std::string BodyOf(int dof) const { return mj_id2name(m.get(), mjOBJ_BODY, m->dof_bodyid[dof]); }
   int Dof(const std::string& joint) const {
     return m->jnt_dofadr[mj_name2id(m.get(), mjOBJ_JOINT, joint.c_str())];
   }

@@ -1,7 +1,10 @@
 // Tendons through space, gravity compensation: against closed forms and MuJoCo.
+#include <fmt/format.h>
+
 #include <fork1s/reduction/compliance.hpp>
 
 #include "helpers.hpp"
+#include "importer/mjcf.hpp"
 
 namespace fork1s::testing_importer {
 namespace {
@@ -210,20 +213,111 @@ TEST(ImportTendons, HigherTermsOfABallAreListed) {
                       "higher terms of the spring or damper of joint 'ball'"));
 }
 
-// A tendon within a robot that floats does not hear where the robot is; one from the world to it is left out.
-TEST(ImportTendons, OnAFloatingRobot) {
-  const std::string text = R"(<mujoco><worldbody><site name="w"/><body name="base" pos="0 0 1"><freejoint/>
+// A tendon within a robot that floats does not hear where the robot is.
+TEST(ImportTendons, TendonWithinAFloatingRobot_DependsOnItsJointsAlone) {
+  const std::string text = R"(<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/>
     <geom size=".1"/><site name="s" pos=".1 0 .05"/><body name="leg" pos=".1 0 0"><joint name="hip" axis="0 1 0"/>
     <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/><site name="t" pos=".2 0 .02"/></body></body></worldbody>
-    <tendon><spatial name="within" stiffness="50"><site site="s"/><site site="t"/></spatial>
-    <spatial name="leash" stiffness="50"><site site="w"/><site site="t"/></spatial></tendon></mujoco>)";
+    <tendon><spatial name="within" stiffness="50"><site site="s"/><site site="t"/></spatial></tendon></mujoco>)";
   const ImportedScene loaded = MustLoad(text);
+  EXPECT_EQ(loaded.scene.mechanisms[0].base, BaseKind::kFloating);
   const Mechanism m = MustBuild(loaded.scene.mechanisms[0]);
   ASSERT_EQ(m.springs().size(), 1u);
   EXPECT_EQ(m.springs()[0].name, "within");
   EXPECT_EQ(m.paths()[0].coordinates, std::vector<int>{0});
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped,
-                      "spring of tendon 'leash': it pulls on a free body"));
+}
+
+// A floating robot on a leash, a free body behind it, and one that an actuator pushes.
+const char* const kTethered = R"(<mujoco><compiler angle="radian"/><worldbody><site name="w" pos=".1 0 2"/>
+    <body name="base" pos="0 0 1" euler=".3 .2 .5"><joint name="float" type="free" damping=".3"/>
+      <geom size=".1"/><site name="s" pos=".1 0 .05"/>
+      <body name="leg" pos=".1 0 0"><joint name="hip" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/><site name="t" pos=".2 0 .02"/></body></body>
+    <body name="load" pos="1 0 1" euler="1 0 .2"><freejoint name="trails"/><geom size=".05 .1 .2" type="box"/>
+      <site name="eye" pos="0 .1 .2" euler=".2 .1 .7"/></body>
+    <body name="drone" pos="0 3 0" euler="0 .4 0"><freejoint name="flies"/><geom size=".1 .1 .02" type="box"/>
+      <site name="rotor" pos=".1 .1 0" euler=".1 .2 .3"/></body></worldbody>
+  <tendon><spatial name="leash" stiffness="50" springlength="0 .5" damping="2"><site site="w"/><site site="t"/></spatial>
+    <spatial name="tow" stiffness="30" damping="1"><site site="s"/><site site="eye"/></spatial></tendon>
+  <actuator><motor name="thrust" site="rotor" gear="0 .2 1 0 .3 -.02"/>
+    <motor name="reel" tendon="tow" gear="2"/></actuator></mujoco>)";
+
+// Coordinates and rates of a built mechanism at MuJoCo's state, by the keyframe that holds it.
+TEST(ImportTendons, TendonsAndActuatorsOnFreeJoints_ForcesAndPosesAreThoseOfMujoco) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int trial = 0; trial < 20; ++trial) {
+    Peer peer(kTethered);
+    mjData& d = *peer.d;
+    const auto numbers = [](const mjtNum* values, mjtSize count) {
+      std::string text;
+      for (mjtSize i = 0; i < count; ++i) text += fmt::format(" {:.17g}", values[i]);
+      return text;
+    };
+    for (int i = 0; i < peer.m->nq; ++i) d.qpos[i] += 0.8 * uniform(random);
+    mj_normalizeQuat(peer.m.get(), d.qpos);
+    for (int i = 0; i < peer.m->nv; ++i) d.qvel[i] = uniform(random);
+    for (int i = 0; i < peer.m->nu; ++i) d.ctrl[i] = uniform(random);
+    mj_forward(peer.m.get(), &d);
+    std::string text = kTethered;
+    text.insert(text.rfind("</mujoco>"), "<keyframe><key qpos=\"" + numbers(d.qpos, peer.m->nq) +
+                                             "\" qvel=\"" + numbers(d.qvel, peer.m->nv) + "\"/></keyframe>");
+    const ImportedScene loaded = MustLoad(text);
+    EXPECT_TRUE(loaded.scene.free_bodies.empty());
+    ASSERT_EQ(loaded.scene.mechanisms.size(), 2u);  // the tow ties two trees together
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Mechanism m = MustBuild(loaded.scene.mechanisms[i]);
+      EXPECT_EQ(m.base(), BaseKind::kFixed);
+      const KeyframeDef::MechanismState& state = loaded.scene.keyframes[0].mechanisms[i];
+      Kinematics k(m);
+      ComputeKinematics(m, state.q, k);
+      for (int b = 1; b < m.num_bodies(); ++b) {
+        const Mechanism::Body& body = m.body(BodyIndex(b));
+        SCOPED_TRACE(body.name);
+        EXPECT_LT(PoseDifference(k.X_RB[static_cast<std::size_t>(b)], peer.Pose(body.name)), 1e-14);
+      }
+      // Work of forces in the motion at hand: free of the coordinates in which it is written.
+      double ours = 0, theirs = 0;
+      for (const Mechanism::Spring& spring : m.springs()) {
+        double rate = 0;
+        ForEachArm(spring.length, k.paths, [&](int j, double a) { rate += a * state.q_dot(j); });
+        ours += rate * (spring.Force(LengthOf(m, spring.length, k, state.q)) - spring.damping * rate);
+      }
+      for (const Mechanism::Control& control : m.controls()) {
+        const int a = mj_name2id(peer.m.get(), mjOBJ_ACTUATOR, control.name.c_str());
+        ForEachArm(control.length, k.paths,
+                   [&](int j, double arm) { ours += arm * state.q_dot(j) * control.gain * d.ctrl[a]; });
+      }
+      VectorX rates = state.q_dot;  // of rotations the angular velocity, on which dampers act
+      for (const Mechanism::Rotation& rotation : m.rotations()) {
+        const Vector3 omega = AngularVelocityMap(m, k, rotation) * rates(rotation.coordinates);
+        rates(rotation.coordinates) = omega;
+      }
+      ours -= rates.dot(m.damping().cwiseProduct(rates));
+      for (int dof = 0; dof < peer.m->nv; ++dof)
+        if (loaded.scene.mechanisms[i].FindBody(peer.BodyOf(dof)).valid())
+          theirs += d.qvel[dof] * (d.qfrc_passive[dof] + d.qfrc_actuator[dof]);
+      EXPECT_NEAR(ours, theirs, 1e-12 * (1 + std::abs(theirs)));
+      EXPECT_NE(theirs, 0);
+    }
+  }
+}
+
+TEST(ImportTendons, PdOnAFreeJoint_HoldsItsPosition) {
+  ImportOptions options;
+  options.joint_pd["trails.position"] = {70, 3};
+  const ImportedScene loaded = MustLoad(kTethered, options);
+  const Mechanism m = MustBuild(loaded.scene.mechanisms[0]);
+  double held = 0;
+  for (const Mechanism::Joint& joint : m.joints()) {
+    const double stiffness = m.stiffness().segment(joint.offset, joint.size).sum();
+    EXPECT_EQ(stiffness, joint.name == "trails.position" ? 210 : 0) << joint.name;
+    held += stiffness;
+  }
+  EXPECT_EQ(held, 210);
+  const auto written = ModelAsMjcf(WriteFile("tethered.xml", kTethered), options, ".", "");
+  ASSERT_FALSE(written);
+  EXPECT_CONTAINS(written.error().Text(), "free joint 'trails'");
 }
 
 TEST(ImportTendons, GravityCompensationIsMujocos) {

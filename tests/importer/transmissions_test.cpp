@@ -87,19 +87,16 @@ TEST(ImportTransmissions, LengthsAndArmsAreMujocosAtAnyPose) {
   EXPECT_EQ(without, (std::vector<std::string>{"jet", "from_below", "from_aside", "turn", "over_there"}));
 }
 
-// A force between two parts of a robot that floats does not hear where the robot is; one from nowhere would
-// push its base, and is left out.
-TEST(ImportTransmissions, OnAFloatingRobot) {
+// A force between two parts of a robot that floats does not hear where the robot is.
+TEST(ImportTransmissions, ForceWithinAFloatingRobot_DependsOnItsJointsAlone) {
   const std::string text = R"(<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/><geom size=".1"/>
     <site name="hip" pos=".1 0 .05" euler="10 20 0"/><body name="leg" pos=".1 0 0"><joint name="knee" axis="0 1 0"/>
     <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/><site name="toe" pos=".2 .1 .02"/></body></body></worldbody>
     <actuator><position name="reach" site="toe" refsite="hip" gear="1 0 2 0 0 0" kp="5"/>
-    <motor name="back" site="hip" refsite="toe" gear="1 0 2 0 .3 0"/>
-    <motor name="thrust" site="toe" gear="0 0 1 0 0 0"/></actuator></mujoco>)";
+    <motor name="back" site="hip" refsite="toe" gear="1 0 2 0 .3 0"/></actuator></mujoco>)";
   const ImportedScene loaded = MustLoad(text);
   ASSERT_EQ(loaded.scene.mechanisms.size(), 1u);
   EXPECT_EQ(loaded.scene.mechanisms[0].base, BaseKind::kFloating);
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "actuator on a free body 'thrust'"));
   const Mechanism m = MustBuild(loaded.scene.mechanisms[0]);
   ASSERT_EQ(m.controls().size(), 2u);
   Peer peer(text);
