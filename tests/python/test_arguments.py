@@ -114,6 +114,10 @@ def test_what_is_no_whole_number(model, sim, batch, argument, given):
         ("ground", "low", "ground must be True, False or a height"),
     ],
 )
+        ("interface", 3, "interface must be a name or a sequence of names, not 3"),
+        ("q", 3, "q must be a mapping, not 3"),
+        ("packages", [1], r"packages must be a mapping, not \[1\]"),
+        ("in_process", "yes", "in_process must be True or False, not 'yes'"),
 def test_options_of_load_of_another_type(option, given, message):
     with pytest.raises(TypeError, match=message):
         fork1s.load(ARM, **{option: given})
