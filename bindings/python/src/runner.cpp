@@ -1,8 +1,10 @@
 #include "runner.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/control_move.hpp>
+#include <sstream>
 
 #include "errors.hpp"
 
@@ -169,7 +171,7 @@ std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& directi
 Runner::Snapshot Runner::Save() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
-  return {simulation_.Save(), time_before_, pushes_};
+  return {simulation_.Save(), time_before_, pushes_, simulation_.dt(), JointStiffnesses(simulation_.scene())};
 }
 
 void Runner::Restore(const Snapshot& snapshot) {
@@ -182,6 +184,24 @@ void Runner::Restore(const Snapshot& snapshot) {
 }
 
 double Runner::Time() {
+namespace {
+
+std::string ShortNumber(double number) {
+  std::ostringstream text;
+  text << number;
+  return text.str();
+}
+
+std::vector<std::pair<std::string, double>> JointStiffnesses(const Scene& scene) {
+  std::vector<std::pair<std::string, double>> all;
+  for (const MechanismDef& mechanism : scene.mechanisms)
+    for (const JointDef& joint : mechanism.joints)
+      for (const FreedomDef& freedom : joint.freedoms) all.emplace_back(joint.name, freedom.stiffness);
+  return all;
+}
+
+}  // namespace
+
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   return time_before_ + simulation_.time();
@@ -192,6 +212,23 @@ void Runner::AddPush(const Push& push) {
   const std::lock_guard lock(mutex_);
   pushes_.push_back(push);
 }
+  const auto refuse = [](const std::string& why) {
+    throw Refused{{ErrorCode::kUsage, "restore", "the moment is of another " + why}};
+  };
+  if (snapshot.dt != simulation_.dt())
+    refuse("dt, " + ShortNumber(snapshot.dt) + " s, than this simulation, " + ShortNumber(simulation_.dt()) +
+           " s; make a simulation of that dt");
+  const auto stiffness = JointStiffnesses(simulation_.scene());
+  // Of another scene where they are not the same joints, which is refused below.
+  if (stiffness.size() == snapshot.stiffness.size())
+    for (std::size_t i = 0; i < stiffness.size(); ++i)
+      if (stiffness[i].first == snapshot.stiffness[i].first &&
+          // Beyond rounding, which the shares of springs and servos leave where a stiffness is set back.
+          std::abs(stiffness[i].second - snapshot.stiffness[i].second) >
+              1e-12 * std::max(stiffness[i].second, snapshot.stiffness[i].second))
+        refuse("stiffness: joint '" + stiffness[i].first + "' had " +
+               ShortNumber(snapshot.stiffness[i].second) + " and has " + ShortNumber(stiffness[i].second) +
+               "; call set_stiffness with that first");
 
 int Runner::FindBody(const std::string& name) {
   const int body = With([&](Simulation& s) { return s.FindBody(name); });

@@ -99,9 +99,11 @@ class Runner {
     std::vector<Push> pushes;
   };
   Snapshot Save();
-  /// Throws Refused where it is of another scene.
+  /// Throws Refused where it is of another scene, dt or stiffness.
   void Restore(const Snapshot& snapshot);
 
+    double dt = 0;                                          // s
+    std::vector<std::pair<std::string, double>> stiffness;  // of every joint freedom, by its joint
   /// f(simulation) under the lock and without the GIL: f makes no Python object.
   template <class F>
   auto With(F&& f) {
