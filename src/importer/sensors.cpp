@@ -483,6 +483,11 @@ SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {
 
 void ConvertSensors(Conversion& c) {
   const mjModel& m = c.m;
+  for (int i = 0; i < m.nactuator; ++i) {
+    SensorDef s;
+    s.name = c.actuator_names[static_cast<std::size_t>(i)];
+    c.actuators.push_back(ActuatorForceSensor(c, std::move(s), i));
+  }
   if (m.nsensor > 0 && (m.opt.disableflags & mjDSBL_SENSOR)) {
     c.Dropped(m.nsensor == 1 ? "1 sensor" : fmt::format("{} sensors", m.nsensor),
               "sensors are switched off in <option>");

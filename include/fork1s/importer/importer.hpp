@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/importer/file_state.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <map>
 #include <optional>
@@ -82,6 +83,12 @@ struct ImportedScene {
   Scene scene;
   ImportReport report;
   int initial_keyframe = -1;  // index in scene.keyframes: the requested one, or one made of the options
+  /// All joints of the file in its order, and before those of a mechanism a free joint for a base that floats without one
+  /// in the file (URDF).
+  std::vector<FileJoint> joints;
+  /// What evaluates the force of each actuator of the file (Sensors), by its name: of kActuatorForce, or kUnknown with the
+  /// reason.
+  std::vector<SensorDef> actuators;
 };
 
 /// Reads a model file (.xml/.mjcf, .urdf; the root element decides). Errors: kFile (cannot be read),
