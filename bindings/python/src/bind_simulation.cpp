@@ -274,6 +274,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
             return "<fork1s.Simulation '" + r.model()->scene().name + "' at " + std::to_string(r.Time()) +
                    " s>";
           });
+  BindDynamics(simulation);
   BindState(simulation);
   BindLinearize(m, simulation);
 }
