@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from conftest import SCENES
 from test_file_state import EVERYTHING, data_at, random_state
 
 import fork1s
@@ -146,3 +147,21 @@ def test_misuse_is_refused(sim):
         sim.jacobian("hand")
     with pytest.raises(ValueError, match="point must be 3 numbers"):
         sim.jacobian("arm", [1, 2])
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENES.glob("*.xml")))
+def test_scenes_are_those_of_mujoco(name):
+    """Robots with loops, tendons and mocap bases, where they start."""
+    model = mujoco.MjModel.from_xml_path(str(SCENES / f"{name}.xml"))
+    sim = fork1s.Simulation(fork1s.load(SCENES / f"{name}.xml"))
+    data = mujoco.MjData(model)
+    data.qpos[:] = sim.qpos
+    mujoco.mj_forward(model, data)
+    M = full_mass_matrix(model, data)
+    assert_allclose(sim.mass_matrix, M, atol=1e-9 * np.abs(M).max())
+    for body in sim.bodies[1:]:
+        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body)
+        turn, move = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jacBody(model, data, move, turn, index)
+        assert_allclose(sim.jacobian(body), np.vstack([turn, move]), atol=1e-9)
+    assert_allclose(sim.gravity_forces, data.qfrc_gravcomp - data.qfrc_bias, atol=1e-9 * np.abs(M).max() * 9.81)
