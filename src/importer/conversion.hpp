@@ -82,6 +82,7 @@ struct Conversion {
   std::vector<int> path_of_tendon, path_of_actuator;  // in its mechanism; -1: not yet made
   int initial_keyframe = -1;
   std::vector<SensorDef> actuators;  // what evaluates their forces
+  std::vector<FileFrame> frames;
 
   void Note(ImportNote::Kind kind, std::string where, std::string message);
   void Dropped(std::string where, std::string message) {

@@ -93,8 +93,8 @@ std::vector<FileJoint> FileJointsOf(const Conversion& c) {
 ImportedScene MoveOut(Conversion& c) {
   std::vector<FileJoint> joints = FileJointsOf(c);
   AddFloatingBases(c.scene, joints);
-  return {std::move(c.scene), std::move(c.report), c.initial_keyframe, std::move(joints),
-          std::move(c.actuators)};
+  return {std::move(c.scene), std::move(c.report),    c.initial_keyframe,
+          std::move(joints),  std::move(c.actuators), std::move(c.frames)};
 }
 
 KeyNumbers NumbersOf(const Conversion& c, const KeyframeDef& state) {

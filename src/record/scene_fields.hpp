@@ -66,6 +66,12 @@ struct EnumNames<FileJoint::Kind> {
 };
 
 template <>
+struct EnumNames<FileFrame::Kind> {
+  static constexpr std::pair<FileFrame::Kind, const char*> kNames[] = {{FileFrame::Kind::kSite, "site"},
+                                                                       {FileFrame::Kind::kCamera, "camera"}};
+};
+
+template <>
 struct EnumNames<ImportNote::Kind> {
   static constexpr std::pair<ImportNote::Kind, const char*> kNames[] = {
       {ImportNote::Kind::kDropped, "dropped"},
@@ -337,10 +343,16 @@ void Fields(A& a, Like<FileJoint, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<FileFrame, A>& s) {
+  auto& [name, kind, frame] = s;
+  a("name", name), a("kind", kind), a("frame", frame);
+}
+
+template <class A>
 void Fields(A& a, Like<ImportedScene, A>& s) {
-  auto& [scene, report, initial_keyframe, joints, actuators] = s;
+  auto& [scene, report, initial_keyframe, joints, actuators, frames] = s;
   a("scene", scene), a("report", report), a("initial_keyframe", initial_keyframe), a("joints", joints);
-  a("actuators", actuators);
+  a("actuators", actuators), a("frames", frames);
 }
 
 template <class A>

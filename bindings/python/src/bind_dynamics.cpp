@@ -46,6 +46,32 @@ std::vector<std::string> VelocityNames(const Runner& runner) {
   return names;
 }
 
+// name -> (7,) of all sites or all cameras.
+nb::dict FramePoses(Runner& runner, FileFrame::Kind kind) {
+  const ImportedScene& imported = runner.model()->imported();
+  const auto poses = runner.With([&](Simulation& s) {
+    std::vector<std::pair<std::string, std::vector<double>>> all;
+    for (const FileFrame& f : imported.frames) {
+      if (f.kind != kind) continue;
+      RigidTransform X_WB;
+      const SensorBody& body = f.frame.body;
+      if (body.mechanism >= 0) {
+        const MechanismDef& def = imported.scene.mechanisms[static_cast<std::size_t>(body.mechanism)];
+        X_WB = s.Pose(def.bodies[body.body.u()].name);
+      } else if (body.free_body >= 0) {
+        X_WB = s.Pose(imported.scene.free_bodies[static_cast<std::size_t>(body.free_body)].name);
+      }
+      std::vector<double> row(7);
+      WritePose(X_WB * f.frame.X_BF, row.data());
+      all.emplace_back(f.name, std::move(row));
+    }
+    return all;
+  });
+  nb::dict out;
+  for (const auto& [name, row] : poses) out[name.c_str()] = ToArray(row);
+  return out;
+}
+
 }  // namespace
 
 void BindDynamics(nb::class_<Runner>& simulation) {
@@ -63,6 +89,15 @@ void BindDynamics(nb::class_<Runner>& simulation) {
       "qvel @ mass_matrix @ qvel / 2. Armature included, loops open, as MuJoCo's `mj_fullM`. Of the reduced coordinates: "
       "`Model.matrices`.",
       kOwn);
+  simulation.def_prop_ro(
+      "site_poses", [](Runner& r) { return FramePoses(r, FileFrame::Kind::kSite); },
+      "Name -> (7,) of the sites of the file: position [m], unit quaternion w x y z with w >= 0, world frame.",
+      nb::sig("def site_poses(self) -> dict[str, numpy.typing.NDArray[numpy.float64]]"));
+  simulation.def_prop_ro(
+      "camera_poses", [](Runner& r) { return FramePoses(r, FileFrame::Kind::kCamera); },
+      "Name -> (7,) of the cameras of the file, as they are fixed to their bodies; they look along -z. Cameras "
+      "that track or target a body have no pose here.",
+      nb::sig("def camera_poses(self) -> dict[str, numpy.typing.NDArray[numpy.float64]]"));
   simulation.def(
       "jacobian", JacobianOf, nb::arg("body"), nb::arg("point") = nb::none(),
       "(6, nv) of a point of a body: angular velocity, then velocity of the point, world axes, per entry of `qvel`; "

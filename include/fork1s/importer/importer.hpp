@@ -79,6 +79,14 @@ struct ImportOptions {
   std::map<std::string, std::string> packages;
 };
 
+/// A site of the file, or a camera that follows no other body: a frame fixed to a body or to the world.
+struct FileFrame {
+  enum class Kind { kSite, kCamera };
+  std::string name;
+  Kind kind = Kind::kSite;
+  SensorFrame frame;
+};
+
 struct ImportedScene {
   Scene scene;
   ImportReport report;
@@ -89,6 +97,7 @@ struct ImportedScene {
   /// What evaluates the force of each actuator of the file (Sensors), by its name: of kActuatorForce, or kUnknown with the
   /// reason.
   std::vector<SensorDef> actuators;
+  std::vector<FileFrame> frames;  // sites, then cameras, in the order of the file
 };
 
 /// Reads a model file (.xml/.mjcf, .urdf; the root element decides). Errors: kFile (cannot be read),
