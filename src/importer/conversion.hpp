@@ -81,6 +81,8 @@ struct Conversion {
   std::vector<std::vector<ControlSource>> controls;   // parallel to MechanismDef::controls
   std::vector<int> path_of_tendon, path_of_actuator;  // in its mechanism; -1: not yet made
   int initial_keyframe = -1;
+  std::vector<SensorDef> actuators;  // what evaluates their forces
+  std::vector<FileFrame> frames;
 
   void Note(ImportNote::Kind kind, std::string where, std::string message);
   void Dropped(std::string where, std::string message) {
@@ -207,6 +209,10 @@ void ListHolds(Conversion& c);
 /// Numbers that MuJoCo accepts and no simulation survives (validate.cpp).
 std::optional<Error> Validate(const Conversion& c);
 void ListUnsupported(Conversion& c);
+/// The joints of the file, and what they are in c.scene (moment_text.cpp).
+std::vector<FileJoint> FileJointsOf(const Conversion& c);
+/// What an import returns: the parts of `c`, which are moved from.
+ImportedScene MoveOut(Conversion& c);
 /// A state in the order of c.scene as MuJoCo's numbers, and as a <key> of MJCF (moment_text.cpp).
 struct KeyNumbers {
   std::vector<double> qpos, qvel, act, ctrl, mpos, mquat;

@@ -72,7 +72,7 @@ Expected<ImportedScene> Import(const internal::PreparedModel& prepared, const Im
   Conversion c(*compiled->model, *compiled->data, prepared.source.path);
   if (auto error = ConvertPrepared(c, prepared, compiled->warnings, options))
     return tl::unexpected<Error>(std::move(*error));
-  return ImportedScene{std::move(c.scene), std::move(c.report), c.initial_keyframe};
+  return internal::MoveOut(c);
 }
 
 bool LooksLikeUrdf(const std::string& text) { return text.find("<robot") != std::string::npos; }
@@ -163,6 +163,11 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
                  fmt::format("{} is no finite number above 0", options.stiffness_scale)};
   }
   if (options.stiffness_scale != 1) {
+    Scene actuators;
+    actuators.mechanisms = c.scene.mechanisms;
+    actuators.sensors = std::move(c.actuators);
+    ScaleSensorLaws(options.stiffness_scale, actuators);
+    c.actuators = std::move(actuators.sensors);
     for (MechanismDef& mechanism : c.scene.mechanisms) {
       mechanism = ScaleStiffness(std::move(mechanism), options.stiffness_scale);
     }
@@ -255,7 +260,7 @@ Expected<ImportedScene> LoadMujocoModel(const mjModel_& model, const std::string
     return Fail(ErrorCode::kUsage, fmt::format("{}, option package", name),
                 "this model is compiled, its files are read: only URDF speaks of packages");
   if (auto error = Convert(c, options, {})) return tl::unexpected<Error>(std::move(*error));
-  return ImportedScene{std::move(c.scene), std::move(c.report), c.initial_keyframe};
+  return internal::MoveOut(c);
 }
 
 }  // namespace fork1s

@@ -7,24 +7,16 @@
 #include <set>
 
 #include "conversion.hpp"
+#include "importer/loop_moves.hpp"
 #include "names.hpp"
 
 namespace fork1s::internal {
 namespace {
 
 // A coordinate that an option asks for.
-struct Asked {
-  std::string joint;
-  FreedomRef freedom;
+struct Asked : WantedCoordinate {
   int mechanism = 0;
-  double displacement = 0;  // from the reference
 };
-
-int CoordinateOf(const MechanismDef& mechanism, const FreedomRef& ref) {
-  int at = ref.freedom;
-  for (std::size_t j = 0; j < ref.joint.u(); ++j) at += static_cast<int>(mechanism.joints[j].freedoms.size());
-  return at;
-}
 
 // The initial state so far: the chosen keyframe, or the file's reference.
 KeyframeDef PresentStart(const Conversion& c) {
@@ -130,7 +122,7 @@ Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) 
     return Fail(ErrorCode::kUsage, where, "the value is not finite; write a finite number");
   const double q0 = c.Reference(dof);
   const FreedomDef& freedom = c.FreedomOf(dof);
-  Asked asked{name, c.Freedom(dof), c.MechanismOf(dof), value - q0};
+  Asked asked{{name, c.Freedom(dof), value - q0}, c.MechanismOf(dof)};
   if (OutsideLimits(freedom, asked.displacement)) {
     asked.displacement = std::clamp(asked.displacement, freedom.lower, freedom.upper);
     c.Note(ImportNote::Kind::kChosen, fmt::format("option q '{}'", name),
@@ -141,60 +133,10 @@ Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) 
   return asked;
 }
 
-// Closes loops and couplings with the asked coordinates held. It walks there in small steps, so that the
-// linkage stays on the branch on which it starts.
-std::optional<Error> MoveLoops(const Conversion& c, const MechanismDef& definition,
-                               const std::vector<Asked>& asked, VectorX& q) {
-  auto built = BuildMechanism(definition);
-  if (!built) return built.error();
-  CloseLoops(*built, q);
-  MechanismDef held = definition;
-  VectorX from(static_cast<Eigen::Index>(asked.size()));
-  double farthest = 0;
-  std::vector<std::string> names;
-  for (std::size_t i = 0; i < asked.size(); ++i) {
-    CouplingDef lock;
-    lock.name = fmt::format("q {}", asked[i].joint);
-    lock.a = asked[i].freedom;
-    held.couplings.push_back(lock);
-    from[static_cast<Eigen::Index>(i)] = q[CoordinateOf(definition, asked[i].freedom)];
-    farthest = std::max(farthest, std::abs(asked[i].displacement - from[static_cast<Eigen::Index>(i)]));
-    names.push_back(asked[i].joint);
-  }
-  constexpr double kStep = 0.1;  // rad or m
-  constexpr int kMostSteps = 100;
-  const int steps = std::clamp(static_cast<int>(std::ceil(std::min(farthest / kStep, 1e6))), 1, kMostSteps);
-  const std::size_t first = held.couplings.size() - asked.size();
-  double gap = 0;
-  for (int step = 1; step <= steps; ++step) {
-    for (std::size_t i = 0; i < asked.size(); ++i) {
-      const double start = from[static_cast<Eigen::Index>(i)], share = static_cast<double>(step) / steps;
-      double* polynomial = held.couplings[first + i].polynomial;
-      std::fill(polynomial, polynomial + 5, 0.0);
-      polynomial[0] = step == steps ? asked[i].displacement : start + share * (asked[i].displacement - start);
-    }
-    auto locked = BuildMechanism(held);
-    if (!locked) return locked.error();
-    gap = CloseLoops(*locked, q);
-  }
-  // The bound of every simulator here: a loop that cannot be closed to a micrometre is no loop of rigid
-  // parts.
-  if (gap <= 1e-6) return std::nullopt;
-  return Error{
-      ErrorCode::kUsage, fmt::format("{}, option q", c.file),
-      fmt::format("the loops and couplings of mechanism '{}' stay open by {:.2g} m with {} where {} asked; "
-                  "ask fewer joints, so that the others can follow, or smaller values",
-                  definition.name, gap, Quoted(names), names.size() == 1 ? "it is" : "they are")};
-}
-
 std::optional<Error> MoveTo(const Conversion& c, int mechanism, const std::vector<Asked>& asked, VectorX& q) {
-  if (asked.empty()) return std::nullopt;
-  const MechanismDef& definition = c.scene.mechanisms[mechanism];
-  if (!definition.closures.empty() || !definition.couplings.empty()) {
-    if (auto error = MoveLoops(c, definition, asked, q)) return error;
-  }
-  for (const Asked& one : asked) q[CoordinateOf(definition, one.freedom)] = one.displacement;
-  return std::nullopt;
+  return MoveCoordinates(c.scene.mechanisms[mechanism],
+                         std::vector<WantedCoordinate>(asked.begin(), asked.end()),
+                         fmt::format("{}, option q", c.file), q);
 }
 
 using AskedByMechanism = std::vector<std::vector<Asked>>;
@@ -209,7 +151,7 @@ AskedByMechanism LeadersOf(const Conversion& c, const std::vector<Mimic>& mimics
   for (int j = 0; j < c.m.njnt; ++j)
     if (names.count(c.joint_names[j]) > 0 && c.joint[j].mechanism >= 0)
       leaders[c.joint[j].mechanism].push_back(
-          {c.joint_names[j], {c.joint[j].joint, 0}, c.joint[j].mechanism, 0});
+          {{c.joint_names[j], {c.joint[j].joint, 0}, 0}, c.joint[j].mechanism});
   return leaders;
 }
 
@@ -224,7 +166,7 @@ std::vector<Asked> NearestInside(const Conversion& c, int mechanism, const Vecto
       const FreedomRef ref{JointIndex(j), i};
       const double at = q[CoordinateOf(definition, ref)];
       if (OutsideLimits(freedom, at))
-        nearest.push_back({joint.name, ref, mechanism, std::clamp(at, freedom.lower, freedom.upper)});
+        nearest.push_back({{joint.name, ref, std::clamp(at, freedom.lower, freedom.upper)}, mechanism});
     }
   }
   return nearest;

@@ -1,7 +1,4 @@
-// Keyframes as displacements from the reference.
-//
-// hinge, slide: q = qpos - qpos0.  ball: exp(q) = quat0⁻¹ quat.  free joint below a base:
-// Exp(q) = X_RB0⁻¹ X_RB in the axes of B, as all screws of B are given there.
+// Keyframes of the file as states of the scene.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,86 +9,24 @@
 namespace fork1s::internal {
 namespace {
 
-// A free joint's qpos is a pose in the world, its qvel [velocity in world axes; rotation in body axes].
-RigidTransform FreePose(const mjtNum* qpos) { return {Quat(qpos + 3), Vec3(qpos)}; }
-Vector6 FreeTwist(const RigidTransform& X_WB, const mjtNum* qvel) {
-  Vector6 V_B;
-  V_B << Vec3(qvel + 3), X_WB.rotation().transpose() * Vec3(qvel);
-  return V_B;
+RigidTransform MocapPose(const mjModel& m, int key, int mocap) {
+  const auto i = key * m.nmocap + mocap;
+  return {Quat(m.key_mquat + 4 * i), Vec3(m.key_mpos + 3 * i)};
 }
 
-struct BaseState {
-  RigidTransform X_WR;
-  Vector6 V_R = Vector6::Zero();
-};
-
-BaseState BaseAt(const Conversion& c, const Component& component, const MechanismDef& mechanism, int key) {
-  const mjModel& m = c.m;
-  BaseState state;
-  state.X_WR = mechanism.X_WR;
-  const int b = component.base_body;
-  if (b == 0) return state;
-  if (component.base == BaseKind::kFloating) {
-    const int j = m.body_jntadr[b];
-    state.X_WR = FreePose(m.key_qpos + key * m.nq + m.jnt_qposadr[j]);
-    state.V_R = FreeTwist(state.X_WR, m.key_qvel + key * m.nv + m.jnt_dofadr[j]);
-  } else if (m.body_mocapid[b] >= 0) {
-    const auto i = key * m.nmocap + m.body_mocapid[b];
-    state.X_WR = RigidTransform(Quat(m.key_mquat + 4 * i), Vec3(m.key_mpos + 3 * i));
-  }
-  return state;
-}
-
-void SetJoint(const Conversion& c, const MechanismDef& mechanism, const BaseState& base, int j, int key,
-              int at, KeyframeDef::MechanismState& state) {
-  const mjModel& m = c.m;
-  const mjtNum* qpos = m.key_qpos + key * m.nq + m.jnt_qposadr[j];
-  const mjtNum* qvel = m.key_qvel + key * m.nv + m.jnt_dofadr[j];
-  const mjtNum* qpos0 = m.qpos0 + m.jnt_qposadr[j];
-  switch (m.jnt_type[j]) {
-    case mjJNT_BALL: {
-      const Quaternion turn = (Quat(qpos0).conjugate() * Quat(qpos)).normalized();
-      const Vector3 phi = LogRotation(turn.toRotationMatrix());
-      state.q.segment<3>(at) = phi;
-      // Body rate ω_B = dexp(-φ) φ̇.
-      state.q_dot.segment<3>(at) = DexpInverseRotation(-phi) * Vec3(qvel);
-      break;
-    }
-    case mjJNT_FREE: {
-      const RigidTransform X_RB0 = mechanism.X_WR.inverse() * c.WorldPose(m.jnt_bodyid[j]);
-      const RigidTransform X_WB = FreePose(qpos), X_RB = base.X_WR.inverse() * X_WB;
-      const Vector3 phi = LogRotation(X_RB0.rotation().transpose() * X_RB.rotation());
-      const Vector6 V_B = FreeTwist(X_WB, qvel) - AdjointApply(X_RB.inverse(), base.V_R);
-      state.q.segment<6>(at) << X_RB.translation() - X_RB0.translation(), phi;
-      state.q_dot.segment<6>(at) << X_RB.rotation() * V_B.tail<3>(),
-          DexpInverseRotation(-phi) * V_B.head<3>();
-      break;
-    }
-    default:
-      state.q[at] = qpos[0] - qpos0[0];
-      state.q_dot[at] = qvel[0];
-  }
-}
-
+// Base and controls; joints follow in ApplyFileState.
 KeyframeDef::MechanismState MechanismAt(const Conversion& c, const Component& component, int index, int key) {
   const MechanismDef& mechanism = c.scene.mechanisms[index];
   const mjModel& m = c.m;
-  const BaseState base = BaseAt(c, component, mechanism, key);
   KeyframeDef::MechanismState state;
-  state.X_WR = base.X_WR;
-  state.V_R = mechanism.base == BaseKind::kFloating ? base.V_R : Vector6::Zero();
-  std::vector<int> offset;
-  int n = 0;
-  for (const JointDef& joint : mechanism.joints) {
-    offset.push_back(n);
-    n += static_cast<int>(joint.freedoms.size());
-  }
+  state.X_WR = mechanism.X_WR;
+  if (const int b = component.base_body;
+      b != 0 && component.base != BaseKind::kFloating && m.body_mocapid[b] >= 0)
+    state.X_WR = MocapPose(m, key, m.body_mocapid[b]);
+  Eigen::Index n = 0;
+  for (const JointDef& joint : mechanism.joints) n += static_cast<Eigen::Index>(joint.freedoms.size());
   state.q = VectorX::Zero(n);
   state.q_dot = VectorX::Zero(n);
-  for (int j = 0; j < m.njnt; ++j) {
-    if (c.joint[j].mechanism == index)
-      SetJoint(c, mechanism, base, j, key, offset[c.joint[j].joint.u()], state);
-  }
   state.controls = VectorX::Zero(static_cast<Eigen::Index>(mechanism.controls.size()));
   for (std::size_t i = 0; i < mechanism.controls.size(); ++i) {
     const ControlDef& control = mechanism.controls[i];
@@ -103,21 +38,11 @@ KeyframeDef::MechanismState MechanismAt(const Conversion& c, const Component& co
   return state;
 }
 
-KeyframeDef::FreeBodyState FreeBodyAt(const Conversion& c, const Component& component, int key) {
-  const mjModel& m = c.m;
-  const int j = m.body_jntadr[component.tops[0]];
-  const mjtNum* qvel = m.key_qvel + key * m.nv + m.jnt_dofadr[j];
-  KeyframeDef::FreeBodyState state;
-  state.X_WB = FreePose(m.key_qpos + key * m.nq + m.jnt_qposadr[j]);
-  state.omega_W = state.X_WB.rotation() * Vec3(qvel + 3);
-  state.velocity_W = Vec3(qvel);
-  return state;
-}
-
 }  // namespace
 
 std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted) {
   const mjModel& m = c.m;
+  const std::vector<FileJoint> joints = FileJointsOf(c);
   std::vector<std::string> names;
   for (int key = 0; key < m.nkey; ++key) {
     KeyframeDef keyframe;
@@ -125,12 +50,16 @@ std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted) 
     names.push_back(keyframe.name);
     int mechanism = 0;
     for (const Component& component : c.components) {
-      if (component.free_body) {
-        keyframe.free_bodies.push_back(FreeBodyAt(c, component, key));
-      } else {
+      if (component.free_body)
+        keyframe.free_bodies.emplace_back();
+      else
         keyframe.mechanisms.push_back(MechanismAt(c, component, mechanism++, key));
-      }
     }
+    const FileState given{Eigen::Map<const VectorX>(m.key_qpos + key * m.nq, m.nq),
+                          Eigen::Map<const VectorX>(m.key_qvel + key * m.nv, m.nv)};
+    if (auto applied = ApplyFileState(joints, c.scene, given, keyframe); !applied)
+      return c.ModelError("keyframe '" + keyframe.name + "'",
+                          applied.error().where + " " + applied.error().message);
     c.scene.keyframes.push_back(std::move(keyframe));
   }
   if (wanted.empty()) return std::nullopt;

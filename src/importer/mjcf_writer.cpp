@@ -404,7 +404,7 @@ Expected<MjcfModel> ModelAsMjcf(const std::string& path, const ImportOptions& op
   out.text = std::move(*text);
   if (c.initial_keyframe >= 0)
     out.start = c.scene.keyframes[static_cast<std::size_t>(c.initial_keyframe)].name;
-  out.imported = {std::move(c.scene), std::move(c.report), c.initial_keyframe};
+  out.imported = MoveOut(c);
   return out;
 }
 

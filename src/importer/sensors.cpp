@@ -23,14 +23,20 @@ SensorBody PlaceOf(const Conversion& c, int body) {
   return {place.mechanism, place.body, place.free_body};
 }
 
+// The body of the file whose frame a free body has. An option may have placed the free body elsewhere since.
+int TopOfFreeBody(const Conversion& c, int free_body) {
+  for (const Component& component : c.components)
+    if (component.free_body && free_body-- == 0) return component.tops[0];
+  return 0;
+}
+
 // Pose of a frame that is fixed to a body of the file, in what that body became.
 SensorFrame OnBody(const Conversion& c, int body, const RigidTransform& X_BF) {
   SensorFrame frame{PlaceOf(c, body), X_BF};
   if (frame.body.is_world())
     frame.X_BF = c.WorldPose(body) * X_BF;
   else if (frame.body.free_body >= 0)
-    frame.X_BF = c.scene.free_bodies[static_cast<std::size_t>(frame.body.free_body)].X_WB.inverse() *
-                 c.WorldPose(body) * X_BF;
+    frame.X_BF = c.WorldPose(TopOfFreeBody(c, frame.body.free_body)).inverse() * c.WorldPose(body) * X_BF;
   return frame;
 }
 
@@ -483,6 +489,18 @@ SensorDef ConvertSensor(Conversion& c, SensorDef s, int i) {
 
 void ConvertSensors(Conversion& c) {
   const mjModel& m = c.m;
+  const auto add_frame = [&](int name, const char* word, FileFrame::Kind kind, int type, int i) {
+    if (const auto frame = FrameOf(c, type, i)) c.frames.push_back({NameOr(m, name, word, i), kind, *frame});
+  };
+  for (int i = 0; i < m.nsite; ++i)
+    add_frame(m.name_siteadr[i], "site", FileFrame::Kind::kSite, mjOBJ_SITE, i);
+  for (int i = 0; i < m.ncam; ++i)
+    add_frame(m.name_camadr[i], "camera", FileFrame::Kind::kCamera, mjOBJ_CAMERA, i);
+  for (int i = 0; i < m.nactuator; ++i) {
+    SensorDef s;
+    s.name = c.actuator_names[static_cast<std::size_t>(i)];
+    c.actuators.push_back(ActuatorForceSensor(c, std::move(s), i));
+  }
   if (m.nsensor > 0 && (m.opt.disableflags & mjDSBL_SENSOR)) {
     c.Dropped(m.nsensor == 1 ? "1 sensor" : fmt::format("{} sensors", m.nsensor),
               "sensors are switched off in <option>");

@@ -58,6 +58,20 @@ struct EnumNames<DetailLevel> {
 };
 
 template <>
+struct EnumNames<FileJoint::Kind> {
+  static constexpr std::pair<FileJoint::Kind, const char*> kNames[] = {{FileJoint::Kind::kFree, "free"},
+                                                                       {FileJoint::Kind::kBall, "ball"},
+                                                                       {FileJoint::Kind::kSlide, "slide"},
+                                                                       {FileJoint::Kind::kHinge, "hinge"}};
+};
+
+template <>
+struct EnumNames<FileFrame::Kind> {
+  static constexpr std::pair<FileFrame::Kind, const char*> kNames[] = {{FileFrame::Kind::kSite, "site"},
+                                                                       {FileFrame::Kind::kCamera, "camera"}};
+};
+
+template <>
 struct EnumNames<ImportNote::Kind> {
   static constexpr std::pair<ImportNote::Kind, const char*> kNames[] = {
       {ImportNote::Kind::kDropped, "dropped"},
@@ -322,9 +336,23 @@ void Fields(A& a, Like<ImportReport, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<FileJoint, A>& s) {
+  auto& [name, kind, free_body, mechanism, body, coordinate, reference] = s;
+  a("name", name), a("kind", kind), a("free_body", free_body), a("mechanism", mechanism), a("body", body);
+  a("coordinate", coordinate), a("reference", reference);
+}
+
+template <class A>
+void Fields(A& a, Like<FileFrame, A>& s) {
+  auto& [name, kind, frame] = s;
+  a("name", name), a("kind", kind), a("frame", frame);
+}
+
+template <class A>
 void Fields(A& a, Like<ImportedScene, A>& s) {
-  auto& [scene, report, initial_keyframe] = s;
-  a("scene", scene), a("report", report), a("initial_keyframe", initial_keyframe);
+  auto& [scene, report, initial_keyframe, joints, actuators, frames] = s;
+  a("scene", scene), a("report", report), a("initial_keyframe", initial_keyframe), a("joints", joints);
+  a("actuators", actuators), a("frames", frames);
 }
 
 template <class A>

@@ -23,7 +23,10 @@ void Put(const Quaternion& q, double* out) { out[0] = q.w(), out[1] = q.x(), out
 
 }  // namespace
 
-Sensors::Sensors(const Simulation& simulation) : definitions_(simulation.scene().sensors) {
+Sensors::Sensors(const Simulation& simulation) : Sensors(simulation, simulation.scene().sensors) {}
+
+Sensors::Sensors(const Simulation& simulation, std::vector<SensorDef> definitions)
+    : definitions_(std::move(definitions)) {
   const Scene& scene = simulation.scene();
   int next = 0;
   for (std::size_t m = 0; m < scene.mechanisms.size(); ++m) {

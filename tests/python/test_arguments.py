@@ -37,6 +37,8 @@ ARRAYS = {
     "torque": (3, lambda model, sim, batch, a: sim.push("tip", torque=a)),
     "origin": (3, lambda model, sim, batch, a: sim.ray(a, [0, 0, 1])),
     "qpos": (1, lambda model, sim, batch, a: sim.set_state(a)),
+    "qvel": (1, lambda model, sim, batch, a: setattr(sim, "qvel", a)),
+    "point": (3, lambda model, sim, batch, a: sim.jacobian("tip", a)),
     "base_pose": (3, lambda model, sim, batch, a: fork1s.load(ARM, base_pose=a)),
     "gravity": (3, lambda model, sim, batch, a: fork1s.statics(model, "tip", gravity=a)),
     "stiffness": (2, lambda model, sim, batch, a: fork1s.Batch(model, 2, stiffness=a)),
@@ -112,6 +114,10 @@ def test_what_is_no_whole_number(model, sim, batch, argument, given):
         ("pd", {"elbow": "x"}, "pd must be two numbers"),
         ("q", {"elbow": 1j}, "q must be a mapping from joint names to numbers"),
         ("ground", "low", "ground must be True, False or a height"),
+        ("interface", 3, "interface must be a name or a sequence of names, not 3"),
+        ("q", 3, "q must be a mapping, not 3"),
+        ("packages", [1], r"packages must be a mapping, not \[1\]"),
+        ("in_process", "yes", "in_process must be True or False, not 'yes'"),
     ],
 )
 def test_options_of_load_of_another_type(option, given, message):

@@ -57,7 +57,7 @@ def test_mass_weighs():
       <geom size=".01" mass="1" contype="0" conaffinity="0"/></body></worldbody></mujoco>""")
     batch = fork1s.Batch(model, 2, mass=[1, 3])
     batch.step(steps=200)
-    assert_allclose(batch.qpos[:, 0], [-9.81 / 1000, -3 * 9.81 / 1000], rtol=1e-6)
+    assert_allclose(batch.joint_displacements[:, 0], [-9.81 / 1000, -3 * 9.81 / 1000], rtol=1e-6)
 
 
 def test_friction_holds_or_not():

@@ -74,6 +74,22 @@ def test_converges_to_mujoco(scenes):
     assert_allclose(ours.qpos, theirs.qpos, atol=5e-4)  # both of first order in h
 
 
+def test_ball_joints_are_carried():
+    ball = """<mujoco><option gravity="0 0 -9.81" timestep="1e-4"/><worldbody><body name="a" quat="0.8 0.6 0 0">
+      <joint name="b" type="ball" stiffness="1"/><geom type="box" size=".1 .2 .05" pos=".1 0 0" mass="1"/>
+      </body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(ball)
+    ours, theirs = mujoco.MjData(model), mujoco.MjData(model)
+    for data in (ours, theirs):
+        data.qpos[:], data.qvel[:] = [0.8, 0, 0.6, 0], [1, 2, -1]
+    stepper = Stepper(model)
+    for _ in range(2000):
+        stepper.step(ours)
+        mujoco.mj_step(model, theirs)
+    assert_allclose(np.abs(ours.qpos @ theirs.qpos), 1, atol=1e-6)
+    assert_allclose(ours.qvel, theirs.qvel, atol=5e-3)  # theirs of first order in h
+
+
 def test_mocap_bodies_lead(scenes):
     model, data = loaded(scenes / "hand.xml")
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -87,10 +103,11 @@ def test_mocap_bodies_lead(scenes):
 
 
 def test_what_cannot_be_carried_is_said():
-    ball = """<mujoco><worldbody><body name="a"><joint name="b" type="ball" stiffness="1"/><geom size=".1" mass="1"/>
-      </body></worldbody></mujoco>"""
-    with pytest.raises(fork1s.UsageError, match="joint 'b' cannot be carried"):
-        Stepper(mujoco.MjModel.from_xml_string(ball))
+    welded = """<mujoco><worldbody><body name="hand" mocap="true"/><body name="palm"><freejoint name="root"/>
+      <geom size=".1" mass="1"/><body pos="0 0 .2"><joint name="j" stiffness="1"/><geom size=".1" mass="1"/></body></body>
+      </worldbody><equality><weld body1="hand" body2="palm"/></equality></mujoco>"""
+    with pytest.raises(fork1s.UsageError, match="joint 'root' cannot be carried: it does not move in fork1s"):
+        Stepper(mujoco.MjModel.from_xml_string(welded))
     state = """<mujoco><worldbody><body><joint name="j" stiffness="1"/><geom size=".1" mass="1"/></body></worldbody>
       <actuator><general joint="j" dyntype="filter" dynprm="1"/></actuator></mujoco>"""
     with pytest.raises(fork1s.UsageError, match="activations"):
@@ -115,7 +132,7 @@ def test_set_state(gripper):
         fork1s.UnknownNameError, match="no free body or moving base 'left_jaw'; there are: cube"
     ):
         sim.set_state(poses={"left_jaw": pose})
-    with pytest.raises(ValueError, match="qpos must be 6 numbers"):
+    with pytest.raises(ValueError, match="qpos must be 13 numbers"):
         sim.set_state(qpos=[1])
 
 

@@ -26,7 +26,7 @@ def test_what_is_recorded_replays_bit_by_bit(gripper, tmp_path):
     sim.step(10)
     for refused in (
         lambda: sim.set_stiffness({"left_crank": 3}),
-        lambda: sim.set_state(qvel=np.zeros(6)),
+        lambda: sim.set_state(qvel=np.zeros(12)),
         lambda: sim.restore(sim.save()),
         lambda: sim.record(tmp_path / "other.h5"),
     ):

@@ -73,3 +73,22 @@ def test_of_another_model(model):
     with pytest.raises(TypeError):
         sim.restore(b"bytes")
     assert sim.hash() == before
+
+
+def test_of_another_dt_or_stiffness(model):
+    sim = fork1s.Simulation(model, dt=1 / 60)
+    sim.step(3)
+    moment, before = sim.save(), sim.hash()
+    other = fork1s.Simulation(model, dt=1 / 120)
+    with pytest.raises(fork1s.UsageError, match="restore: the moment is of another dt, 0.0166667 s, than"):
+        other.restore(moment)
+    sim.set_stiffness({"l": 300})
+    changed = sim.hash()
+    with pytest.raises(fork1s.UsageError, match="another stiffness: joint 'l' had 400 and has 300"):
+        sim.restore(moment)
+    assert sim.hash() == changed
+    with pytest.raises(fork1s.UsageError, match="another stiffness"):
+        fork1s.Simulation(model.with_stiffness({"r": 100})).restore(moment)
+    sim.set_stiffness({"l": 400})
+    sim.restore(moment)
+    assert sim.hash() == before

@@ -208,3 +208,21 @@ def test_gains_change_while_it_runs(gripper):
     sim.step(1)
     with pytest.raises(fork1s.UnknownNameError, match="no joint coordinate 'knee'"):
         sim.set_stiffness({"knee": 1})
+
+
+def test_contacts_have_their_friction_use():
+    """A block that is pulled at half the friction cone, then slides."""
+    block = """<mujoco><worldbody><geom type="plane" size="1 1 1" friction="0.5"/>
+      <body name="block" pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="2" friction="0.5"/></body>
+      </worldbody></mujoco>"""
+    sim = fork1s.Simulation(fork1s.load(block))
+    for force, share in [(2 * 9.81 * 0.25, 0.5), (2 * 9.81, 1.0)]:
+        for _ in range(20):
+            sim.push("block", force=[force, 0, 0], point=[*sim.pose("block")[:2, 3], 0])
+            sim.step()
+        contacts = sim.contacts
+        along = contacts["force"] @ [0, 0, 1]
+        tangential = np.linalg.norm(contacts["force"][:, :2], axis=1)
+        assert_allclose(contacts["friction_use"], tangential / (0.5 * np.abs(along)), rtol=1e-12)
+        weighted = np.average(contacts["friction_use"], weights=np.abs(along))
+        assert weighted == pytest.approx(share, rel=1e-3)  # the solver's tolerance of the force

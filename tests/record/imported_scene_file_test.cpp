@@ -8,13 +8,17 @@ namespace fork1s::testing {
 namespace {
 
 ImportedScene Imported() {
-  ImportedScene imported{SceneWithEverything(3), {}, 1};
+  ImportedScene imported{SceneWithEverything(3), {}, 1, {}, {}, {}};
   imported.report.format = "URDF";
   imported.report.notes = {{ImportNote::Kind::kDropped, "sensor 's'", "left out"},
                            {ImportNote::Kind::kChanged, "joint \xff", "not UTF-8"},
                            {ImportNote::Kind::kChosen, "", ""}};
   imported.report.holds = {{"knee", "spring 2 N·m/rad"}};
   imported.report.servos = {{1, "grip", 0.1, 1.0 / 3, -2, 5e-324}};
+  imported.joints = {{"hip", FileJoint::Kind::kBall, -1, 1, 2, 3, {1, 0, 0, 1.0 / 3}},
+                     {"cube", FileJoint::Kind::kFree, 0, -1, 0, -1, {}}};
+  imported.frames = {
+      {"tip", FileFrame::Kind::kCamera, {{0, BodyIndex(1), -1}, RigidTransform(Vector3(1, 2, 1.0 / 3))}}};
   return imported;
 }
 
@@ -29,6 +33,11 @@ TEST(ImportedSceneFile, KeepsSceneAndReport) {
   ASSERT_EQ(read->report.notes.size(), 3u);
   EXPECT_EQ(read->report.notes[1].Text(), imported.report.notes[1].Text());
   EXPECT_EQ(read->report.servos[0].at_reference, 5e-324);
+  ASSERT_EQ(read->frames.size(), 1u);
+  EXPECT_EQ(read->frames[0].frame.X_BF.translation().z(), 1.0 / 3);
+  ASSERT_EQ(read->joints.size(), 2u);
+  EXPECT_EQ(read->joints[0].reference[3], 1.0 / 3);
+  EXPECT_EQ(read->joints[1].kind, FileJoint::Kind::kFree);
 }
 
 TEST(ImportedSceneFile, DamagedFilesAreRefused) {

@@ -10,7 +10,8 @@ CONTACT = np.dtype(
         ("force", np.float64, (3,)),  # N, on b
         ("torque", np.float64, (3,)),  # N·m about the point, on b: torsional and rolling friction
         ("gap", np.float64),  # m, negative in penetration
-        ("friction", np.float64),  # coefficient
+        ("friction", np.float64),  # coefficient µ
+        ("friction_use", np.float64),  # |f_t| / (µ f_n) of the force: 1 where it slides, 0 without friction
     ]
 )
 """numpy type of one row of `Simulation.contacts`, world axes."""

@@ -126,6 +126,13 @@ def _options(
     read_time: float,
     **others: Any,
 ) -> dict[str, Any]:
+    for name, value in (("q", q), ("packages", packages)):
+        if value is not None and not isinstance(value, Mapping):
+            raise TypeError(f"{name} must be a mapping, not {value!r}")
+    if not isinstance(interface, (str, Sequence)):
+        raise TypeError(f"interface must be a name or a sequence of names, not {interface!r}")
+    if not isinstance(in_process, bool):
+        raise TypeError(f"in_process must be True or False, not {in_process!r}")
     gains: dict[str, Gains] = {}
     everywhere: Gains | None = None
     if isinstance(pd, Mapping):

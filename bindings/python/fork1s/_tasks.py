@@ -24,8 +24,8 @@ class Now:
 
     poses: dict[str, Floats]  # body -> (n, 7): position [m], quaternion w x y z
     velocities: dict[str, Floats]  # body -> (n, 6): angular, linear of the origin; world axes
-    qpos: Floats
-    qvel: Floats
+    joint_displacements: Floats  # (n, q), of `Batch.joint_displacements`
+    joint_rates: Floats
     time: Floats  # s since each began
     sensors: Mapping[str, Floats] = field(
         default_factory=dict
@@ -127,8 +127,8 @@ class GraspLift(Task):
                 now.velocities["cube"] * [0.1, 0.1, 0.1, 5, 5, 5],
                 self._of("left_grip") * 2,
                 self._of("mount.z") / self.height,
-                now.qpos[:, :2] * 2,
-                now.qvel[:, :2],
+                now.joint_displacements[:, :2] * 2,
+                now.joint_rates[:, :2],
             ]
         )
 
@@ -244,8 +244,8 @@ class Quadruped(Task):
                 now.poses["trunk"][:, 1:2],
                 turned_back(q, V[:, 3:]),
                 turned_back(q, V[:, :3]) / 3,
-                now.qpos,
-                now.qvel / 10,
+                now.joint_displacements,
+                now.joint_rates / 10,
                 self.command / self._reach,
             ]
         )

@@ -88,8 +88,8 @@ class _Members:
         return Now(
             {name: poses[:, i] for i, name in enumerate(names)},
             {name: velocities[:, i] for i, name in enumerate(names)},
-            self.batch.qpos,
-            self.batch.qvel,
+            self.batch.joint_displacements,
+            self.batch.joint_rates,
             self.batch.time,
             self._read_sensors(),
         )

@@ -40,7 +40,7 @@ class Stepper:
         **options: as of `fork1s.load`: interface, modes, pd, ...
 
     Raises:
-        UsageError: the model has what a Stepper cannot carry: ball joints within a mechanism, activations of actuators.
+        UsageError: the model has what a Stepper cannot carry: joints that do not move here, activations of actuators.
         ModelError: and others, as `fork1s.load` and `fork1s.Simulation` do.
 
     Attributes:
@@ -72,29 +72,20 @@ class Stepper:
         return mujoco.mj_id2name(self._mj, kind, index) or f"{word}{index}"
 
     def _map_joints(self) -> None:
-        mj = self._mj
-        places = {name: i for i, name in enumerate(self.simulation.coordinates)}
-        bodies = {name: i for i, name in enumerate(self.simulation.bodies)}
-        ours, qpos, qvel = [], [], []
-        self._free: list[tuple[str, int, int, int]] = []
+        mj, ours = self._mj, self.simulation.joints
+        qpos, qvel = [], []
         for joint in range(mj.njnt):
             name = self._name(mujoco.mjtObj.mjOBJ_JOINT, "joint", joint)
-            body = self._name(mujoco.mjtObj.mjOBJ_BODY, "body", mj.jnt_bodyid[joint])
-            kind = mujoco.mjtJoint(int(mj.jnt_type[joint]))
-            at, dof = int(mj.jnt_qposadr[joint]), int(mj.jnt_dofadr[joint])
-            if kind == mujoco.mjtJoint.mjJNT_FREE and body in bodies:
-                self._free.append((body, bodies[body], at, dof))
-            elif kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE) and name in places:
-                ours.append(places[name])
-                qpos.append(at)
-                qvel.append(dof)
-            else:
+            if name not in ours:
                 raise UsageError(
-                    f"Stepper: joint '{name}' cannot be carried: hinges, slides and the free joints of free bodies and "
-                    "floating bases can"
+                    f"Stepper: joint '{name}' cannot be carried: it does not move in fork1s, where a weld or the option base "
+                    "holds its body"
                 )
-        self._ours, self._qpos, self._qvel = (np.array(a, dtype=int) for a in (ours, qpos, qvel))
-        self._qpos0 = mj.qpos0[self._qpos].copy()
+            for numbers, address, key in ((qpos, mj.jnt_qposadr, "qpos"), (qvel, mj.jnt_dofadr, "qvel")):
+                place = ours[name][key]
+                numbers.extend(range(address[joint], address[joint] + place.stop - place.start))
+        # Ours are in the order of the file, as MuJoCo's.
+        self._qpos, self._qvel = np.array(qpos, dtype=int), np.array(qvel, dtype=int)
 
     def _map_inputs(self) -> None:
         mj, names = self._mj, list(self.simulation.controls)
@@ -119,20 +110,12 @@ class Stepper:
     def _take_state(self, data: mujoco.MjData) -> None:
         """The simulation begins anew where `data` is."""
         sim = self.simulation
-        qpos, qvel = sim.qpos, sim.qvel
-        qpos[self._ours] = data.qpos[self._qpos] - self._qpos0
-        qvel[self._ours] = data.qvel[self._qvel]
         poses: dict[str, np.ndarray] = {}
         velocities = {}
-        for name, _, at, dof in self._free:
-            poses[name] = data.qpos[at : at + 7].copy()
-            turn = np.zeros(3)
-            mujoco.mju_rotVecQuat(turn, data.qvel[dof + 3 : dof + 6], poses[name][3:])
-            velocities[name] = np.concatenate([turn, data.qvel[dof : dof + 3]])
         for name, mocap, _ in self._mocap:
             poses[name] = np.concatenate([data.mocap_pos[mocap], data.mocap_quat[mocap]])
             velocities[name] = np.zeros(6)
-        sim.set_state(qpos, qvel, poses=poses, velocities=velocities)
+        sim.set_state(data.qpos[self._qpos], data.qvel[self._qvel], poses=poses, velocities=velocities)
         self._start = {name: sim.pose(name) for name, _, _ in self._mocap}
 
     def _take_inputs(self, data: mujoco.MjData, share: float) -> None:
@@ -158,15 +141,8 @@ class Stepper:
 
     def _write(self, data: mujoco.MjData) -> None:
         sim = self.simulation
-        data.qpos[self._qpos] = self._qpos0 + sim.qpos[self._ours]
-        data.qvel[self._qvel] = sim.qvel[self._ours]
-        if self._free:
-            poses, velocities = sim.poses, sim.velocities
-            for _, body, at, dof in self._free:
-                data.qpos[at : at + 7] = poses[body]
-                data.qvel[dof : dof + 3] = velocities[body, 3:]
-                back = poses[body, 3:] * [1, -1, -1, -1]
-                mujoco.mju_rotVecQuat(data.qvel[dof + 3 : dof + 6], velocities[body, :3], back)
+        data.qpos[self._qpos] = sim.qpos
+        data.qvel[self._qvel] = sim.qvel
 
     def step(self, data: mujoco.MjData, steps: int = 1) -> _core.StepReport:
         """Advances `data` by `steps` time steps of `simulation.dt`; a mocap body's way is spread over them."""

@@ -13,6 +13,7 @@ class Runner;
 /// What bind_simulation.cpp leaves to bind_state.cpp.
 void BindState(nanobind::class_<Runner>& simulation);
 void BindLinearize(nanobind::module_& m, nanobind::class_<Runner>& simulation);
+void BindDynamics(nanobind::class_<Runner>& simulation);
 void BindSnapshot(nanobind::module_& m);
 void BindSimulation(nanobind::module_& m);
 void BindControls(nanobind::module_& m);

@@ -96,6 +96,17 @@ Array RatesOf(const Batch& batch) {
   });
 }
 
+Array FileNumbersOf(const Batch& batch, VectorX FileState::*part) {
+  const std::vector<FileJoint>& joints = batch.model()->joints();
+  const auto count = part == &FileState::positions ? &FileJoint::num_positions : &FileJoint::num_velocities;
+  std::size_t width = 0;
+  for (const FileJoint& joint : joints) width += static_cast<std::size_t>((joint.*count)());
+  return Gather(batch, {Count(batch), width}, [&](const Simulation& s, double* row) {
+    const FileState state = ComputeFileState(joints, batch.model()->scene(), s.State());
+    std::copy((state.*part).data(), (state.*part).data() + width, row);
+  });
+}
+
 BatchReport Step(Batch& batch, const nb::object& controls, const Whole& given_steps, bool move) {
   const int steps = given_steps.Within("steps", 0);
   std::optional<Numbers> rows;
@@ -312,8 +323,15 @@ void BindBatch(nb::module_& m) {
           "origin "
           "[m/s]. Raises UnknownNameError.",
           nb::sig("def velocities(self, *bodies: str) -> numpy.typing.NDArray[numpy.float64]"))
-      .def_prop_ro("qpos", CoordinatesOf, kOwn, "(n, q) joint displacements of all mechanisms, rad or m.")
-      .def_prop_ro("qvel", RatesOf, kOwn, "(n, q) their rates, rad/s or m/s.")
+      .def_prop_ro(
+          "qpos", [](const Batch& b) { return FileNumbersOf(b, &FileState::positions); }, kOwn,
+          "(n, nq) positions of the joints of the file of each, as `Simulation.qpos`.")
+      .def_prop_ro(
+          "qvel", [](const Batch& b) { return FileNumbersOf(b, &FileState::velocities); }, kOwn,
+          "(n, nv) their velocities, as `Simulation.qvel`.")
+      .def_prop_ro("joint_displacements", CoordinatesOf, kOwn,
+                   "(n, q) joint coordinates of all mechanisms from the reference pose, rad or m.")
+      .def_prop_ro("joint_rates", RatesOf, kOwn, "(n, q) their rates, rad/s or m/s.")
       .def_prop_ro(
           "sensors", [](Batch& b) { return b.ReadSensors(); },
           "What the sensors of the file measure of each at the end of the last step, by name (`Sensors`): (n, k).")

@@ -230,13 +230,12 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               },
               nb::arg("body"), "(4, 4) homogeneous pose of a body. Raises UnknownNameError.")
           .def_prop_ro(
-              "qpos", [](Runner& r) { return ToArray(r.With(JointCoordinates)); },
-              "(n,) joint displacements of all mechanisms from the file's reference pose, rad or m; a base "
-              "that "
-              "moves and free bodies stand in `poses`.",
+              "joint_displacements", [](Runner& r) { return ToArray(r.With(JointCoordinates)); },
+              "(n,) joint coordinates of all mechanisms from the file's reference pose, rad or m, in the order "
+              "of `coordinates`; a base that moves and free bodies stand in `poses`.",
               kOwn)
           .def_prop_ro(
-              "qvel", [](Runner& r) { return ToArray(r.With(JointRates)); },
+              "joint_rates", [](Runner& r) { return ToArray(r.With(JointRates)); },
               "(n,) their rates, rad/s or m/s.", kOwn)
           .def_prop_ro(
               "coordinates",
@@ -245,6 +244,10 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
           .def_prop_ro(
               "sensors", [](Runner& r) { return r.ReadSensors(); },
               "What the sensors of the file measure at the end of the last step, by name (`Sensors`).")
+          .def_prop_ro(
+              "actuator_forces", [](Runner& r) { return r.ReadActuatorForces(); },
+              "What each actuator of the file gives along its length at the present state, by name (`Sensors`): "
+              "N, N·m of angles, with the set-points that the last step ended with; within its bounds.")
           .def_prop_ro(
               "contacts", [](Runner& r) { return ToArray(r.With(Contacts)); },
               "Structured array of the contacts that bear force: `fork1s.CONTACT` has the fields.",
@@ -271,6 +274,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
             return "<fork1s.Simulation '" + r.model()->scene().name + "' at " + std::to_string(r.Time()) +
                    " s>";
           });
+  BindDynamics(simulation);
   BindState(simulation);
   BindLinearize(m, simulation);
 }

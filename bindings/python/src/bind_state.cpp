@@ -11,6 +11,7 @@
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
+#include "importer/loop_moves.hpp"
 #include "readings.hpp"
 #include "runner.hpp"
 
@@ -34,16 +35,6 @@ struct Movers {
     RefuseName("free body or moving base", name, known);
   }
 };
-
-// Joint numbers of all mechanisms one after the other.
-void Spread(const VectorX& all, VectorX KeyframeDef::MechanismState::*part, KeyframeDef& state) {
-  Eigen::Index next = 0;
-  for (KeyframeDef::MechanismState& m : state.mechanisms) {
-    const Eigen::Index size = m.q.size();
-    m.*part = all.segment(next, size);
-    next += size;
-  }
-}
 
 void SetPoses(const ByName& poses, const Movers& movers, KeyframeDef& state) {
   for (const auto& [name, given] : poses) {
@@ -72,20 +63,138 @@ void SetVelocities(const ByName& velocities, const Movers& movers, KeyframeDef& 
   }
 }
 
+// The body that a joint of the file moves freely in the world; empty: it is another joint.
+std::string FreelyMoved(const FileJoint& joint, const Scene& scene) {
+  if (joint.free_body >= 0) return scene.free_bodies[static_cast<std::size_t>(joint.free_body)].name;
+  if (joint.coordinate >= 0) return {};
+  return scene.mechanisms[static_cast<std::size_t>(joint.mechanism)].bodies[0].name;
+}
+
+// Numbers of each joint from `from` to `to`, but of those whose body is in `named`.
+void CopyBut(const ByName& named, const std::vector<FileJoint>& joints, const Scene& scene,
+             int (FileJoint::*count)() const, const VectorX& from, VectorX& to) {
+  Eigen::Index at = 0;
+  for (const FileJoint& joint : joints) {
+    const Eigen::Index size = (joint.*count)();
+    if (named.count(FreelyMoved(joint, scene)) == 0) to.segment(at, size) = from.segment(at, size);
+    at += size;
+  }
+}
+
+// Numbers of joints that are given by name. Returns those joints.
+std::vector<const FileJoint*> SetByName(const ByName& given, const std::vector<FileJoint>& joints,
+                                        const char* what, int (FileJoint::*count)() const, VectorX& all) {
+  std::vector<const FileJoint*> found;
+  for (const auto& [name, value] : given) {
+    Eigen::Index at = 0;
+    const FileJoint* wanted = nullptr;
+    for (const FileJoint& joint : joints) {
+      if (joint.name == name) {
+        wanted = &joint;
+        break;
+      }
+      at += (joint.*count)();
+    }
+    if (!wanted) {
+      std::vector<std::string> known;
+      for (const FileJoint& joint : joints) known.push_back(joint.name);
+      RefuseName("joint that moves", name, known);
+    }
+    const std::string argument = std::string(what) + "['" + name + "']";
+    const int size = (wanted->*count)();
+    double number = 0;
+    if (size == 1 && nb::try_cast<double>(value, number)) {
+      if (!std::isfinite(number)) throw nb::value_error((argument + " must be finite").c_str());
+      all(at) = number;
+    } else {
+      all.segment(at, size) = ReadVector(value, static_cast<std::size_t>(size), argument.c_str());
+    }
+    found.push_back(wanted);
+  }
+  return found;
+}
+
+// The coordinates of joints of one mechanism that are to be where `state` has them.
+std::vector<fork1s::internal::WantedCoordinate> WantedOf(const std::vector<const FileJoint*>& joints,
+                                                         int mechanism, const MechanismDef& def,
+                                                         const VectorX& q) {
+  std::vector<fork1s::internal::WantedCoordinate> wanted;
+  for (const FileJoint* joint : joints) {
+    if (joint->mechanism != mechanism || joint->coordinate < 0) continue;
+    int at = 0;
+    for (std::size_t j = 0; j < def.joints.size(); ++j) {
+      const int size = static_cast<int>(def.joints[j].freedoms.size());
+      for (int f = 0; at == joint->coordinate && f < size; ++f)
+        wanted.push_back({joint->name, {JointIndex(j), f}, q(at + f)});
+      at += size;
+    }
+  }
+  return wanted;
+}
+
 void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, const nb::object& given_poses,
-              const nb::object& given_velocities) {
+              const nb::object& given_velocities, const nb::object& given_joints,
+              const nb::object& given_joint_velocities) {
   const auto poses = ReadAs<ByName>(given_poses, "poses", "a mapping from names to poses");
   const auto velocities =
       ReadAs<ByName>(given_velocities, "velocities", "a mapping from names to velocities");
+  const auto by_joint = ReadAs<ByName>(given_joints, "joints", "a mapping from names of joints to numbers");
+  const auto rates_by_joint =
+      ReadAs<ByName>(given_joint_velocities, "joint_velocities", "a mapping from names of joints to numbers");
+  const Scene& scene = runner.model()->scene();
+  const std::vector<FileJoint>& joints = runner.model()->joints();
   KeyframeDef state = runner.With([](Simulation& s) { return s.State(); });
-  const Movers movers(runner.model()->scene());
-  std::size_t count = 0;
-  for (const auto& m : state.mechanisms) count += static_cast<std::size_t>(m.q.size());
-  if (!qpos.is_none()) Spread(ReadVector(qpos, count, "qpos"), &KeyframeDef::MechanismState::q, state);
-  if (!qvel.is_none()) Spread(ReadVector(qvel, count, "qvel"), &KeyframeDef::MechanismState::q_dot, state);
+  const FileState before = ComputeFileState(joints, scene, state);
+  std::vector<VectorX> q_before;
+  for (const auto& m : state.mechanisms) q_before.push_back(m.q);
+  const Movers movers(scene);
   SetPoses(poses, movers, state);
   SetVelocities(velocities, movers, state);
-  runner.SetState(std::move(state));
+  if (!qpos.is_none() || !qvel.is_none() || !by_joint.empty() || !rates_by_joint.empty()) {
+    // Numbers that are not given stay as they are, also where the pose beside them changes.
+    FileState file = ComputeFileState(joints, scene, state);
+    const auto count = [](const VectorX& v) { return static_cast<std::size_t>(v.size()); };
+    CopyBut(velocities, joints, scene, &FileJoint::num_velocities,
+            qvel.is_none() ? before.velocities : ReadVector(qvel, count(file.velocities), "qvel"),
+            file.velocities);
+    if (!qpos.is_none())
+      CopyBut(poses, joints, scene, &FileJoint::num_positions,
+              ReadVector(qpos, count(file.positions), "qpos"), file.positions);
+    const auto wanted = SetByName(by_joint, joints, "joints", &FileJoint::num_positions, file.positions);
+    SetByName(rates_by_joint, joints, "joint_velocities", &FileJoint::num_velocities, file.velocities);
+    Take(ApplyFileState(joints, scene, file, state));
+    // The other joints of a loop follow those that are named, unless they are given too.
+    for (std::size_t i = 0; qpos.is_none() && i < state.mechanisms.size(); ++i) {
+      const MechanismDef& def = scene.mechanisms[i];
+      const auto coordinates = WantedOf(wanted, static_cast<int>(i), def, state.mechanisms[i].q);
+      if (coordinates.empty()) continue;
+      state.mechanisms[i].q = q_before[i];
+      if (auto error = fork1s::internal::MoveCoordinates(def, coordinates, "joints", state.mechanisms[i].q))
+        throw Refused{std::move(*error)};
+    }
+  }
+  runner.SetState(state);
+}
+
+nb::dict JointsOf(const Runner& runner) {
+  constexpr const char* kKinds[] = {"free", "ball", "slide", "hinge"};
+  nb::dict all;
+  int position = 0, velocity = 0;
+  for (const FileJoint& joint : runner.model()->joints()) {
+    nb::dict one;
+    one["kind"] = kKinds[static_cast<int>(joint.kind)];
+    one["qpos"] = nb::slice(nb::int_(position), nb::int_(position + joint.num_positions()), nb::none());
+    one["qvel"] = nb::slice(nb::int_(velocity), nb::int_(velocity + joint.num_velocities()), nb::none());
+    position += joint.num_positions();
+    velocity += joint.num_velocities();
+    all[joint.name.c_str()] = one;
+  }
+  return all;
+}
+
+FileState FileStateOf(Runner& runner) {
+  return ComputeFileState(runner.model()->joints(), runner.model()->scene(),
+                          runner.With([](Simulation& s) { return s.State(); }));
 }
 
 }  // namespace
@@ -173,23 +282,57 @@ void BindState(nb::class_<Runner>& simulation) {
                  "Goes back to a moment that `save` gave, of this simulation or of another one of the same "
                  "model and dt: the "
                  "same steps from there give the same bits, and `hash` that of then. Raises UsageError and "
-                 "leaves everything as it was where the moment is of another model.");
+                 "leaves everything as it was where the moment is of another model, dt or stiffness.");
+  simulation.def_prop_rw(
+      "qpos", [](Runner& r) { return OwnVector(FileStateOf(r).positions); },
+      [](Runner& r, const nb::object& qpos) {
+        SetState(r, qpos, nb::none(), nb::dict(), nb::dict(), nb::dict(), nb::dict());
+      },
+      nb::for_setter(nb::arg("qpos").none()),
+      "(nq,) positions of the joints of the file, in its order and by MuJoCo's conventions: hinge and slide as "
+      "the file counts them, rad or m; ball a unit quaternion w x y z; free the position of the body, m, then "
+      "its quaternion. `joints` says which numbers are whose. Assign an array to go on from there, as "
+      "`set_state(qpos)` does; entries of the array that was read change nothing.",
+      kOwn);
+  simulation.def_prop_rw(
+      "qvel", [](Runner& r) { return OwnVector(FileStateOf(r).velocities); },
+      [](Runner& r, const nb::object& qvel) {
+        SetState(r, nb::none(), qvel, nb::dict(), nb::dict(), nb::dict(), nb::dict());
+      },
+      nb::for_setter(nb::arg("qvel").none()),
+      "(nv,) velocities of the joints of the file, likewise: hinge and slide rad/s or m/s; ball the angular "
+      "velocity in axes of the body; free the velocity of the body's origin in world axes, then its angular "
+      "velocity in axes of the body.",
+      kOwn);
+  simulation.def_prop_ro(
+      "joints", JointsOf,
+      "Joints of the file that move here, in its order: name -> 'kind' ('hinge', 'slide', "
+      "'ball', 'free') and the slices of its numbers in 'qpos' and 'qvel'. A base that floats "
+      "without a joint in the file (URDF) has one of the name of its body.",
+      nb::sig("def joints(self) -> dict[str, dict[str, Any]]"));
+  simulation.def_prop_ro(
+      "state_change", [](Runner& r) { return r.StateChange(); },
+      "Largest difference, rad or m, between a joint coordinate as it was set last (`qpos`, `set_state`) and "
+      "what it became when loops and couplings were closed; 0 where none was set.");
   simulation.def(
       "set_state", SetState, nb::arg("qpos") = nb::none(), nb::arg("qvel") = nb::none(), nb::kw_only(),
-      nb::arg("poses") = nb::dict(), nb::arg("velocities") = nb::dict(),
-      "Goes on from another state; what is not given stays, the time too.\n\nqpos, qvel: (n,) as the "
-      "properties of "
-      "these names; loops that they leave open are closed. poses: of free bodies and bases that move, by "
-      "name: (7,), "
-      "(4, 4) or (3,). velocities: (6,) angular first, world axes. Set-points of controls stay; those of a "
-      "driven base "
-      "count from its new pose. Contacts are found anew. Takes milliseconds. Raises UnknownNameError, "
-      "ValueError, and "
-      "as the constructor does.",
-      nb::sig("def set_state(self, qpos: numpy.typing.ArrayLike | None = None, qvel: numpy.typing.ArrayLike "
-              "| None = "
-              "None, *, poses: collections.abc.Mapping[str, numpy.typing.ArrayLike] = {}, velocities: "
-              "collections.abc.Mapping[str, numpy.typing.ArrayLike] = {}) -> None"));
+      nb::arg("poses") = nb::dict(), nb::arg("velocities") = nb::dict(), nb::arg("joints") = nb::dict(),
+      nb::arg("joint_velocities") = nb::dict(),
+      "Goes on from another state; what is not given stays, the time too.\n\nqpos, qvel: (nq,), (nv,) as the "
+      "properties of these names. joints, joint_velocities: of single joints by name, numbers as in `qpos` and "
+      "`qvel`. poses: of free bodies and bases that move, by name: (7,), (4, 4) or (3,). velocities: (6,) "
+      "angular first, world axes.\n"
+      "Loops that `qpos` leaves open are closed by the smallest change; of those that `joints` open, the joints "
+      "that are named stay and the others follow. `state_change` says how far. Set-points of controls stay; "
+      "those of a driven base count from its new pose. Contacts are found anew. Takes milliseconds. Raises "
+      "UnknownNameError, UsageError where loops stay open with the joints named, ValueError, and as the "
+      "constructor does.",
+      nb::sig(
+          "def set_state(self, qpos: numpy.typing.ArrayLike | None = None, qvel: numpy.typing.ArrayLike "
+          "| None = None, *, poses: collections.abc.Mapping[str, numpy.typing.ArrayLike] = {}, velocities: "
+          "collections.abc.Mapping[str, numpy.typing.ArrayLike] = {}, joints: collections.abc.Mapping[str, "
+          "numpy.typing.ArrayLike] = {}, joint_velocities: collections.abc.Mapping[str, "
+          "numpy.typing.ArrayLike] = {}) -> None"));
 }
 
 }  // namespace fork1s::python

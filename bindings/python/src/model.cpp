@@ -14,6 +14,7 @@ std::shared_ptr<const Model> Model::Create(Expected<ImportedScene> imported, std
   auto model = std::make_shared<Model>();
   model->imported_ = Take(std::move(imported), origin);
   model->mechanisms_ = Take(PoseMechanisms(model->imported_), origin);
+  model->joints_ = MovingJoints(model->imported_.joints, model->scene());
   model->reductions_.resize(model->mechanisms_.size());
   model->origin_ = std::move(origin);
   model->file_options_ = std::move(options);
@@ -56,7 +57,8 @@ std::map<std::string, double> Model::Stiffnesses() const {
   return all;
 }
 
-Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness) const {
+Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness,
+                            std::vector<SensorDef>& actuators) const {
   const std::vector<Coordinate> coordinates = CoordinatesOf(*this);
   for (const auto& [name, value] : stiffness) {
     const auto c = std::find_if(coordinates.begin(), coordinates.end(),
@@ -69,6 +71,12 @@ Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& st
     if (!(std::isfinite(value) && value >= 0))
       throw Refused{{ErrorCode::kUsage, name, "a stiffness must be finite and 0 or more"}};
     MechanismDef& def = scene.mechanisms[c->mechanism];
+    // Laws of actuators change as those in sensors do.
+    Scene laws;
+    laws.mechanisms = scene.mechanisms;
+    laws.sensors = std::move(actuators);
+    fork1s::internal::SetSensorStiffness(c->mechanism, c->freedom, value, laws);
+    actuators = std::move(laws.sensors);
     fork1s::internal::SetSensorStiffness(c->mechanism, c->freedom, value, scene);
     def = SetStiffness(std::move(def), c->freedom, value);
   }
@@ -77,7 +85,7 @@ Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& st
 
 std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, double>& stiffness) const {
   ImportedScene changed = imported_;
-  changed.scene = SetStiffnesses(std::move(changed.scene), stiffness);
+  changed.scene = SetStiffnesses(std::move(changed.scene), stiffness, changed.actuators);
   return Create(std::move(changed), origin_, std::nullopt);
 }
 

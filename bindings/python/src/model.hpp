@@ -24,8 +24,9 @@ class Model {
 
   /// The same with other stiffnesses: coordinate name -> N·m/rad or N/m. Throws Refused or UnknownName.
   std::shared_ptr<const Model> WithStiffness(const std::map<std::string, double>& stiffness) const;
-  /// A scene of this model's mechanisms with other stiffnesses. Throws likewise.
-  Scene SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness) const;
+  /// A scene of this model's mechanisms with other stiffnesses, and the laws of its actuators. Throws likewise.
+  Scene SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness,
+                       std::vector<SensorDef>& actuators) const;
   /// What holds every joint coordinate of all mechanisms, springs and servos together, by name.
   std::map<std::string, double> Stiffnesses() const;
 
@@ -34,6 +35,8 @@ class Model {
   const ImportedScene& imported() const { return imported_; }
   const Scene& scene() const { return imported_.scene; }
   const std::vector<PosedMechanism>& mechanisms() const { return mechanisms_; }
+  /// Joints of the file that move, in its order: those of qpos and qvel.
+  const std::vector<FileJoint>& joints() const { return joints_; }
 
   /// The reduction of a mechanism at its pose. Throws Refused.
   std::shared_ptr<const ReducedModel> Reduction(std::size_t mechanism) const;
@@ -45,6 +48,7 @@ class Model {
   std::optional<ImportOptions> file_options_;
   ImportedScene imported_;
   std::vector<PosedMechanism> mechanisms_;
+  std::vector<FileJoint> joints_;
   mutable std::mutex mutex_;
   mutable std::vector<std::shared_ptr<const ReducedModel>> reductions_;
 };

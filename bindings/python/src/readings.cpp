@@ -5,7 +5,7 @@
 namespace fork1s::python {
 namespace {
 
-static_assert(sizeof(ContactRow) == 8 + 14 * sizeof(double));
+static_assert(sizeof(ContactRow) == 8 + 15 * sizeof(double));
 
 ContactRow Row(int a, int b, const Vector3& point, const Vector3& normal, const Vector3& force) {
   ContactRow row{};
@@ -61,6 +61,8 @@ std::vector<ContactRow> Contacts(const Simulation& simulation) {
     Eigen::Map<Vector3>(row.torque) = c.moment_W;
     row.gap = c.gap;
     row.friction = c.friction;
+    const double normal = c.force_W.dot(c.normal_W), limit = c.friction * normal;
+    row.friction_use = limit > 0 ? (c.force_W - normal * c.normal_W).norm() / limit : 0;
   }
   return rows;
 }

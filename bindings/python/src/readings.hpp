@@ -12,6 +12,7 @@ struct ContactRow {
   std::int32_t bodies[2];
   double point[3], normal[3], force[3], torque[3];  // world axes; m, N, N·m
   double gap, friction;                             // m
+  double friction_use;
 };
 
 /// (b, 7) position and quaternion.

@@ -1,8 +1,10 @@
 #include "runner.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/control_move.hpp>
+#include <sstream>
 
 #include "errors.hpp"
 
@@ -55,6 +57,7 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& given) {
 
 Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options)
     : model_(std::move(model)),
+      actuators_(model_->imported().actuators),
       simulation_(Take(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {}
 
 StepsReport Runner::Step(int steps, bool move) {
@@ -84,7 +87,7 @@ StepsReport Runner::Step(int steps, bool move) {
   return report;
 }
 
-void Runner::SetState(KeyframeDef state) {
+void Runner::SetState(const KeyframeDef& state) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("set_state");
@@ -93,7 +96,7 @@ void Runner::SetState(KeyframeDef state) {
   // Without the one that was lent last time, and without any that is of another state of the scene.
   if (scene.keyframes.size() > model_->scene().keyframes.size())
     scene.keyframes.resize(model_->scene().keyframes.size());
-  scene.keyframes.push_back(std::move(state));
+  scene.keyframes.push_back(state);
   options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
   Simulation next = Take(Simulation::Create(scene, options), model_->origin());
   // Of the keyframe that was lent; its controls are those that held before.
@@ -107,6 +110,19 @@ void Runner::SetState(KeyframeDef state) {
   time_before_ += simulation_.time();
   simulation_ = std::move(next);
   sensors_.reset();
+  state_change_ = 0;
+  for (std::size_t i = 0; i < state.mechanisms.size(); ++i) {
+    const VectorX& wanted = state.mechanisms[i].q;
+    if (wanted.size() == 0) continue;
+    state_change_ = std::max(
+        state_change_, (simulation_.JointCoordinates(static_cast<int>(i)) - wanted).cwiseAbs().maxCoeff());
+  }
+}
+
+double Runner::StateChange() {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  return state_change_;
 }
 
 void Runner::DropRecordingOfParent() {
@@ -153,9 +169,11 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("set_stiffness");
-  Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness);
+  std::vector<SensorDef> actuators = actuators_;
+  Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness, actuators);
   Simulation next = Take(Continue(simulation_, std::move(scene)), model_->origin());
   simulation_ = std::move(next);
+  actuators_ = std::move(actuators);
   sensors_.reset();
 }
 
@@ -166,16 +184,51 @@ std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& directi
   return rays_->Cast(simulation_, origin, direction, reach);
 }
 
+namespace {
+
+std::string ShortNumber(double number) {
+  std::ostringstream text;
+  text << number;
+  return text.str();
+}
+
+std::vector<std::pair<std::string, double>> JointStiffnesses(const Scene& scene) {
+  std::vector<std::pair<std::string, double>> all;
+  for (const MechanismDef& mechanism : scene.mechanisms)
+    for (const JointDef& joint : mechanism.joints)
+      for (const FreedomDef& freedom : joint.freedoms) all.emplace_back(joint.name, freedom.stiffness);
+  return all;
+}
+
+}  // namespace
+
 Runner::Snapshot Runner::Save() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
-  return {simulation_.Save(), time_before_, pushes_};
+  return {simulation_.Save(), time_before_, pushes_, simulation_.dt(), JointStiffnesses(simulation_.scene())};
 }
 
 void Runner::Restore(const Snapshot& snapshot) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("restore");
+  const auto refuse = [](const std::string& why) {
+    throw Refused{{ErrorCode::kUsage, "restore", "the moment is of another " + why}};
+  };
+  if (snapshot.dt != simulation_.dt())
+    refuse("dt, " + ShortNumber(snapshot.dt) + " s, than this simulation, " + ShortNumber(simulation_.dt()) +
+           " s; make a simulation of that dt");
+  const auto stiffness = JointStiffnesses(simulation_.scene());
+  // Of another scene where they are not the same joints, which is refused below.
+  if (stiffness.size() == snapshot.stiffness.size())
+    for (std::size_t i = 0; i < stiffness.size(); ++i)
+      if (stiffness[i].first == snapshot.stiffness[i].first &&
+          // Beyond rounding, which the shares of springs and servos leave where a stiffness is set back.
+          std::abs(stiffness[i].second - snapshot.stiffness[i].second) >
+              1e-12 * std::max(stiffness[i].second, snapshot.stiffness[i].second))
+        refuse("stiffness: joint '" + stiffness[i].first + "' had " +
+               ShortNumber(snapshot.stiffness[i].second) + " and has " + ShortNumber(stiffness[i].second) +
+               "; call set_stiffness with that first");
   Take(simulation_.Restore(snapshot.simulation), model_->origin());
   time_before_ = snapshot.time_before;
   pushes_ = snapshot.pushes;
@@ -199,6 +252,24 @@ int Runner::FindBody(const std::string& name) {
   return body;
 }
 
+namespace {
+
+SensorValues ValuesOf(const Sensors& sensors) {
+  SensorValues read;
+  for (int i = 0; i < sensors.count(); ++i) {
+    const SensorDef& sensor = sensors.definition(i);
+    const std::span<const double> values = sensors[i];
+    read.names.push_back(sensor.name);
+    read.reasons.push_back(sensor.reason);
+    read.first.push_back(read.values.size());
+    read.values.insert(read.values.end(), values.begin(), values.end());
+  }
+  read.first.push_back(read.values.size());
+  return read;
+}
+
+}  // namespace
+
 SensorValues Runner::ReadSensors() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
@@ -206,21 +277,21 @@ SensorValues Runner::ReadSensors() {
     sensors_->Update(simulation_);
   else
     sensors_.emplace(simulation_);
-  SensorValues read;
+  SensorValues read = ValuesOf(*sensors_);
   for (int i = 0; i < sensors_->count(); ++i) {
     const SensorDef& sensor = sensors_->definition(i);
-    const std::span<const double> values = (*sensors_)[i];
-    read.names.push_back(sensor.name);
-    read.reasons.push_back(sensor.reason);
-    read.first.push_back(read.values.size());
-    read.values.insert(read.values.end(), values.begin(), values.end());
     // Since the beginning, also of the simulation that a state set in between has replaced.
     if (sensor.kind == SensorKind::kTime)
-      read.values.back() =
+      read.values[read.first[static_cast<std::size_t>(i)]] =
           std::clamp(time_before_ + simulation_.time(), sensor.clip_lower, sensor.clip_upper);
   }
-  read.first.push_back(read.values.size());
   return read;
+}
+
+SensorValues Runner::ReadActuatorForces() {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  return ValuesOf(Sensors(simulation_, actuators_));
 }
 
 int Runner::FindControl(const std::string& name) {

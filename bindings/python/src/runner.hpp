@@ -76,7 +76,10 @@ class Runner {
   /// that is set meanwhile is where it moves to from then on.
   StepsReport Step(int steps, bool move);
   /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
-  void SetState(KeyframeDef state);
+  void SetState(const KeyframeDef& state);
+  /// Largest difference [rad or m] between a joint coordinate as SetState was given it and what it became with loops
+  /// closed; 0 before the first.
+  double StateChange();
   /// Every step from now on goes into a recording, until StopRecording. Throws Refused.
   void Record(const std::string& path);
   /// Throws Refused where the file could not be written whole. Without a recording it does nothing.
@@ -89,6 +92,8 @@ class Runner {
   std::optional<BodyHit> Ray(const Vector3& origin, const Vector3& direction, double reach);
   /// At the present state.
   SensorValues ReadSensors();
+  /// Of all actuators of the file, one value each.
+  SensorValues ReadActuatorForces();
   /// s since the beginning, through all states that were set.
   double Time();
   void AddPush(const Push& push);
@@ -97,9 +102,11 @@ class Runner {
     Simulation::Snapshot simulation;
     double time_before = 0;  // s
     std::vector<Push> pushes;
+    double dt = 0;                                          // s
+    std::vector<std::pair<std::string, double>> stiffness;  // of every joint freedom, by its joint
   };
   Snapshot Save();
-  /// Throws Refused where it is of another scene.
+  /// Throws Refused where it is of another scene, dt or stiffness.
   void Restore(const Snapshot& snapshot);
 
   /// f(simulation) under the lock and without the GIL: f makes no Python object.
@@ -121,6 +128,7 @@ class Runner {
 
   std::shared_ptr<const Model> model_;
   FairMutex mutex_;
+  std::vector<SensorDef> actuators_;  // with the stiffnesses of now
   Simulation simulation_;
   std::optional<RayCaster> rays_;  // when first asked for
   std::optional<Sensors> sensors_;
@@ -130,7 +138,8 @@ class Runner {
   /// What a recording has no word for is refused while one goes on.
   void RefuseWhileRecording(const char* what);
   std::vector<Push> pushes_;
-  double time_before_ = 0;  // s, of simulations that set_state replaced
+  double time_before_ = 0;   // s, of simulations that set_state replaced
+  double state_change_ = 0;  // rad or m
 };
 
 }  // namespace fork1s::python

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/base/error.hpp>
+#include <fork1s/importer/file_state.hpp>
 #include <fork1s/mechanism/scene.hpp>
 #include <map>
 #include <optional>
@@ -78,10 +79,25 @@ struct ImportOptions {
   std::map<std::string, std::string> packages;
 };
 
+/// A site of the file, or a camera that follows no other body: a frame fixed to a body or to the world.
+struct FileFrame {
+  enum class Kind { kSite, kCamera };
+  std::string name;
+  Kind kind = Kind::kSite;
+  SensorFrame frame;
+};
+
 struct ImportedScene {
   Scene scene;
   ImportReport report;
   int initial_keyframe = -1;  // index in scene.keyframes: the requested one, or one made of the options
+  /// All joints of the file in its order, and before those of a mechanism a free joint for a base that floats without one
+  /// in the file (URDF).
+  std::vector<FileJoint> joints;
+  /// What evaluates the force of each actuator of the file (Sensors), by its name: of kActuatorForce, or kUnknown with the
+  /// reason.
+  std::vector<SensorDef> actuators;
+  std::vector<FileFrame> frames;  // sites, then cameras, in the order of the file
 };
 
 /// Reads a model file (.xml/.mjcf, .urdf; the root element decides). Errors: kFile (cannot be read),

@@ -23,6 +23,8 @@ class Sensors {
  public:
   /// Values at the present state.
   explicit Sensors(const Simulation& simulation);
+  /// The same of others than those of the scene.
+  Sensors(const Simulation& simulation, std::vector<SensorDef> definitions);
   /// Evaluates all at the present state of this simulation, or of one of the same scene.
   void Update(const Simulation& simulation);
 
