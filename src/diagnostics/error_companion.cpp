@@ -34,7 +34,9 @@ ErrorCompanion::ErrorCompanion(const MechanismDynamics& m)
   scratch_.body_V = scratch_.body_A = scratch_.F;
   for (Loads* l : {&loads_[0], &loads_[1], &mean_}) {
     l->F_W = Matrix6X::Zero(6, mechanism.num_bodies());
-    l->controls = l->controls_from = m.controls();
+    l->controls = m.controls();
+    for (Eigen::Index k = 0; k < m.activation().size(); ++k) l->controls(k) = m.ActivationOf(k);
+    l->controls_from = l->controls;
     l->stops = VectorX::Zero(n);
   }
   scratch_.tau.resize(n);
@@ -65,6 +67,12 @@ void ErrorCompanion::End(const MechanismDynamics& m, const Matrix6X& contacts_be
   loads_[1].stops = stops;
   loads_[1].controls = m.controls();
   loads_[1].controls_from = options.controls_move ? loads_[0].controls : loads_[1].controls;
+  // An activation moves on from where it was.
+  for (Eigen::Index k = 0; k < m.activation().size(); ++k) {
+    if (!m.HasDynamics(k)) continue;
+    loads_[1].controls(k) = m.activation()(k);
+    loads_[1].controls_from(k) = loads_[0].controls(k);
+  }
   if (steps_ == 0) loads_[0].stops = loads_[1].stops;
   earlier_.v_before = earlier_.v;
   earlier_.V_before = earlier_.V;

@@ -74,9 +74,6 @@ std::optional<ActuatorRefusal> WhyNoForce(const mjModel& m, int i) {
   if (bias != mjBIAS_NONE && bias != mjBIAS_AFFINE) {
     return ActuatorRefusal{"actuator with its own bias function", "only an affine bias is simulated"};
   }
-  if (dynamics == mjDYN_INTEGRATOR && !(bias == mjBIAS_AFFINE && Gain(m, i)[0] == -Bias(m, i)[1])) {
-    return ActuatorRefusal{"actuator that integrates its input", "only integrated set-points are simulated"};
-  }
   const bool affine = bias == mjBIAS_AFFINE;
   if (affine && Bias(m, i)[1] > 0) {
     return ActuatorRefusal{"actuator with negative stiffness",
@@ -140,6 +137,16 @@ void ReadDcMotor(const mjModel& m, LinearActuator& a) {
   if (Bias(m, i)[3] != 0) a.left_out.push_back("its LuGre friction");
 }
 
+// MuJoCo's filter takes steps of explicit Euler towards the same solution as filterexact.
+void ReadDynamics(const mjModel& m, int i, ActuatorInput& input) {
+  const int type = m.actuator_dyntype[i];
+  if (type == mjDYN_INTEGRATOR) input.dynamics = ControlDynamics::kIntegrator;
+  if (type != mjDYN_FILTER && type != mjDYN_FILTEREXACT) return;
+  if (Dynamics(m, i)[0] < mjMINVAL) return;  // no lag in MuJoCo either
+  input.dynamics = ControlDynamics::kLag;
+  input.time_constant = Dynamics(m, i)[0];
+}
+
 LinearActuator Law(const mjModel& m, const mjData& d, int i) {
   LinearActuator a;
   a.actuator = i;
@@ -159,23 +166,13 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
     a.b1 = Bias(m, i)[1];
     a.b2 = Bias(m, i)[2];
   }
-  switch (m.actuator_dyntype[i]) {
-    case mjDYN_FILTER:
-    case mjDYN_FILTEREXACT:
-      a.left_out.push_back(fmt::format("the lag of {:.4g} s of its input", Dynamics(m, i)[0]));
-      break;
-    case mjDYN_INTEGRATOR:
-      a.left_out.push_back("the integration of its input, which is the set-point itself here,");
-      break;
-    default:
-      break;
-  }
   if (m.actuator_gaintype[i] == mjGAIN_DCMOTOR) {
     ReadDcMotor(m, a);
   } else if (m.actuator_gaintype[i] == mjGAIN_PID) {
     ReadPid(m, a);
   } else {
     a.inputs.push_back({a.name, m.actuator_ctrladr[i], Gain(m, i)[0], a.b1 < 0});
+    ReadDynamics(m, i, a.inputs.back());
   }
   return a;
 }

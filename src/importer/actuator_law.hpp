@@ -3,6 +3,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <fork1s/mechanism/definition.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,7 +17,9 @@ struct ActuatorInput {
   std::string name;  // of the actuator; with ".pos", ".vel" or ".ff" where it has several
   int ctrl = -1;     // index in mjData::ctrl
   double gain = 0;
-  bool setpoint = false;  // u is where the length is to be
+  bool setpoint = false;                              // u is where the length is to be
+  ControlDynamics dynamics = ControlDynamics::kNone;  // where not, its activation is in the place of u
+  double time_constant = 0;                           // s, of a lag
 };
 
 /// F = Σ gain u + b0 + b1 L + b2 dL/dt, and force a F on each freedom of L.

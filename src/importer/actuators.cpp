@@ -21,21 +21,20 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   c.PutLength(a.length, control);
   control.gain = input.gain;
   control.is_setpoint = input.setpoint;
-  const int dynamics = m.actuator_dyntype[a.actuator];
-  const bool integrates = dynamics == mjDYN_INTEGRATOR;
-  const bool clamps = m.actuator_ctrllimited[input.ctrl] && !(m.opt.disableflags & mjDSBL_CLAMPCTRL);
-  if (integrates ? m.actuator_actlimited[a.actuator] : clamps) {
-    const mjtNum* range =
-        integrates ? m.actuator_actrange + 2 * a.actuator : m.actuator_ctrlrange + 2 * input.ctrl;
-    control.lower = range[0];
-    control.upper = range[1];
+  control.dynamics = input.dynamics;
+  control.time_constant = input.time_constant;
+  if (m.actuator_ctrllimited[input.ctrl] && !(m.opt.disableflags & mjDSBL_CLAMPCTRL)) {
+    control.lower = m.actuator_ctrlrange[2 * input.ctrl];
+    control.upper = m.actuator_ctrlrange[2 * input.ctrl + 1];
+  }
+  if (input.dynamics != ControlDynamics::kNone && m.actuator_actlimited[a.actuator]) {
+    control.activation_lower = m.actuator_actrange[2 * a.actuator];
+    control.activation_upper = m.actuator_actrange[2 * a.actuator + 1];
   }
   control.initial = std::clamp(0.0, control.lower, control.upper);
   ControlSource source;
   source.ctrl = input.ctrl;
-  if (integrates || dynamics == mjDYN_FILTER || dynamics == mjDYN_FILTEREXACT)
-    source.act = m.actuator_actadr[a.actuator];
-  source.integrated = integrates;
+  if (input.dynamics != ControlDynamics::kNone) source.act = m.actuator_actadr[a.actuator];
   source.motor = a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
   for (const auto& term : a.length.terms) source.dofs.push_back(term.first);
   c.scene.mechanisms[mechanism].controls.push_back(std::move(control));

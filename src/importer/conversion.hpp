@@ -40,10 +40,9 @@ struct Component {
 
 /// Bookkeeping beside a ControlDef.
 struct ControlSource {
-  int ctrl = -1;            // index of the file's control; -1: made by pd
-  int act = -1;             // of the activation of an integrator or a filter
-  bool integrated = false;  // the activation is the set-point, ctrl its rate
-  bool motor = false;       // pushes on one freedom and holds nothing
+  int ctrl = -1;       // index of the file's control; -1: made by pd
+  int act = -1;        // of its activation, of a control with dynamics
+  bool motor = false;  // pushes on one freedom and holds nothing
   std::vector<int> dofs;
   std::vector<std::pair<int, double>> pd;  // dof and rest, for controls made by pd
   PdGains gains;                           // of those

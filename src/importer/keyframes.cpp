@@ -31,9 +31,11 @@ KeyframeDef::MechanismState MechanismAt(const Conversion& c, const Component& co
   for (std::size_t i = 0; i < mechanism.controls.size(); ++i) {
     const ControlDef& control = mechanism.controls[i];
     const ControlSource& source = c.controls[index][i];
-    const double u =
-        source.integrated ? m.key_act[key * m.na + source.act] : m.key_ctrl[key * m.nu + source.ctrl];
+    const double u = m.key_ctrl[key * m.nu + source.ctrl];
     state.controls[static_cast<Eigen::Index>(i)] = std::clamp(u, control.lower, control.upper);
+    if (source.act < 0) continue;
+    if (state.activation.size() == 0) state.activation = VectorX::Zero(state.controls.size());
+    state.activation[static_cast<Eigen::Index>(i)] = m.key_act[key * m.na + source.act];
   }
   return state;
 }
@@ -76,6 +78,8 @@ std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted) 
     auto& controls = c.scene.mechanisms[i].controls;
     for (std::size_t k = 0; k < controls.size(); ++k) {
       controls[k].initial = keyframe.mechanisms[i].controls[static_cast<Eigen::Index>(k)];
+      if (controls[k].dynamics != ControlDynamics::kNone)
+        controls[k].initial_activation = keyframe.mechanisms[i].activation[static_cast<Eigen::Index>(k)];
     }
   }
   return std::nullopt;

@@ -312,8 +312,7 @@ std::optional<Error> AddKeys(EditableModel& model, const Conversion& c, std::siz
   return std::nullopt;
 }
 
-// Activations that no input of the scene stands for: those of integral gains, windings and the like, and
-// those of filters where they are not their inputs.
+// Activations that no control of the scene has: those of integral gains, windings and the like.
 void NoteLostActivations(Conversion& c) {
   const mjModel& m = c.m;
   std::vector<std::string> names;
@@ -322,8 +321,9 @@ void NoteLostActivations(Conversion& c) {
     if (!std::equal(kept.act.begin(), kept.act.end(), m.key_act + key * m.na))
       names.push_back(c.scene.keyframes[static_cast<std::size_t>(key)].name);
   }
-  c.ChangedMany("keyframe", names,
-                "it is written anew for the options, with the activations of actuators at their inputs");
+  c.ChangedMany(
+      "keyframe", names,
+      "it is written anew for the options, without the activations of parts of actuators that are not simulated");
 }
 
 // The files that the text names, from where it will lie.

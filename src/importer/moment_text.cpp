@@ -24,8 +24,10 @@ void PutMechanism(const Conversion& c, const Component& component, int index,
   for (std::size_t i = 0; i < c.controls[index].size(); ++i) {
     const ControlSource& source = c.controls[index][i];
     const double u = state.controls[static_cast<Eigen::Index>(i)];
-    if (source.ctrl >= 0 && !source.integrated) key.ctrl[source.ctrl] = u;
-    if (source.act >= 0) key.act[source.act] = u;
+    if (source.ctrl >= 0) key.ctrl[source.ctrl] = u;
+    if (source.act >= 0)
+      key.act[source.act] = state.activation.size() > 0 ? state.activation[static_cast<Eigen::Index>(i)]
+                                                        : mechanism.controls[i].initial_activation;
   }
 }
 

@@ -64,6 +64,8 @@ void Hold(Conversion& c, int dof, const PdGains& gains) {
     VectorX& u = c.scene.keyframes[key].mechanisms[mechanism].controls;
     u.conservativeResize(u.size() + 1);
     u[u.size() - 1] = Displacement(c, static_cast<int>(key), dof) - rest;
+    VectorX& a = c.scene.keyframes[key].mechanisms[mechanism].activation;
+    if (a.size() > 0) a.conservativeResizeLike(VectorX::Zero(u.size()));
   }
 }
 
@@ -72,11 +74,14 @@ void RemoveControl(Conversion& c, int mechanism, std::size_t i) {
   controls.erase(controls.begin() + static_cast<std::ptrdiff_t>(i));
   c.controls[mechanism].erase(c.controls[mechanism].begin() + static_cast<std::ptrdiff_t>(i));
   for (KeyframeDef& keyframe : c.scene.keyframes) {
-    VectorX& u = keyframe.mechanisms[mechanism].controls;
-    VectorX kept(u.size() - 1);
-    const auto at = static_cast<Eigen::Index>(i);
-    kept << u.head(at), u.tail(u.size() - 1 - at);
-    u = kept;
+    for (VectorX* of :
+         {&keyframe.mechanisms[mechanism].controls, &keyframe.mechanisms[mechanism].activation}) {
+      if (of->size() == 0) continue;
+      VectorX kept(of->size() - 1);
+      const auto at = static_cast<Eigen::Index>(i);
+      kept << of->head(at), of->tail(of->size() - 1 - at);
+      *of = kept;
+    }
   }
 }
 

@@ -172,6 +172,19 @@ Expected<void> CheckBoundedForces(const MechanismDef& def) {
   return {};
 }
 
+Expected<void> CheckDynamics(const ControlDef& c, const std::string& where) {
+  if (c.dynamics == ControlDynamics::kLag && !(c.time_constant > 0 && std::isfinite(c.time_constant)))
+    return Refuse(where,
+                  fmt::format("follows its input with the time constant {} s; it must be finite and above 0",
+                              c.time_constant));
+  if (!(c.activation_lower <= c.activation_upper))
+    return Refuse(where, fmt::format("has an activation from {} to {}; the lower must not be above the upper",
+                                     c.activation_lower, c.activation_upper));
+  if (!std::isfinite(c.initial_activation))
+    return Refuse(where, "starts at an activation that is not finite");
+  return {};
+}
+
 Expected<void> CheckConnections(const MechanismDef& def) {
   for (const ClosureDef& c : def.closures) {
     const std::string where = Named("closure", c.name);
@@ -226,6 +239,7 @@ Expected<void> CheckConnections(const MechanismDef& def) {
           where, fmt::format("has limits {} to {}; the lower must not be above the upper", c.lower, c.upper));
     if (!std::isfinite(c.gain) || !std::isfinite(c.initial))
       return Refuse(where, "has a gain or value that is not finite");
+    if (auto ok = CheckDynamics(c, where); !ok) return ok;
   }
   if (auto ok = CheckBoundedForces(def); !ok) return ok;
   for (const std::string& name : def.interfaces)

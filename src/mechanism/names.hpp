@@ -27,6 +27,10 @@ inline constexpr std::pair<PathElementDef::Kind, const char*> kPathElementNames[
     {PathElementDef::Kind::kPulley, "pulley"}};
 inline constexpr std::pair<PathKind, const char*> kPathKindNames[] = {
     {PathKind::kThread, "thread"}, {PathKind::kSliderCrank, "slider-crank"}, {PathKind::kWrench, "wrench"}};
+inline constexpr std::pair<ControlDynamics, const char*> kControlDynamicsNames[] = {
+    {ControlDynamics::kNone, "none"},
+    {ControlDynamics::kLag, "lag"},
+    {ControlDynamics::kIntegrator, "integrator"}};
 
 inline constexpr std::pair<SensorKind, const char*> kSensorKindNames[] = {
     {SensorKind::kUnknown, "unknown"},

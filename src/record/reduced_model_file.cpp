@@ -14,7 +14,8 @@ namespace {
 using namespace internal;
 
 constexpr const char* kModelFormat = "fork1s reduced model";
-constexpr int kModelVersion = 3;
+constexpr int kModelVersion = 4;
+constexpr int kOldestModelVersion = 3;  // controls have no activations
 
 std::vector<int> Numbers(const std::vector<BodyIndex>& bodies) {
   std::vector<int> numbers;
@@ -107,7 +108,8 @@ void Require(bool good, const char* what) {
 Expected<ReducedModel> ReadAll(hid_t file, const std::string& path, std::size_t most) {
   if (!HasAttribute(file, "format") || ReadTextAttribute(file, "format") != kModelFormat)
     return Fail(ErrorCode::kFormat, path, "is an HDF5 file, but no reduced model of fork1s");
-  if (const auto version = ReadNumberAttribute(file, "format_version"); version != kModelVersion)
+  if (const auto version = ReadNumberAttribute(file, "format_version");
+      version < kOldestModelVersion || version > kModelVersion)
     return Fail(ErrorCode::kFormat, path,
                 "has format version " + std::to_string(version) + ", and this program reads version " +
                     std::to_string(kModelVersion) + "; save the model again");

@@ -23,7 +23,8 @@ Expected<void> CheckKeyframe(const RecordingHeader& h) {
     const auto& s = k.mechanisms[i];
     const auto controls = static_cast<Eigen::Index>(h.scene.mechanisms[i].controls.size());
     if (s.q.size() != n || (s.q_dot.size() != 0 && s.q_dot.size() != n) ||
-        (s.controls.size() != 0 && s.controls.size() != controls))
+        (s.controls.size() != 0 && s.controls.size() != controls) ||
+        (s.activation.size() != 0 && s.activation.size() != controls))
       return refuse("of another scene");
   }
   return {};

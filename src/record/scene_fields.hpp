@@ -28,6 +28,10 @@ struct EnumNames<JointKind> {
   static constexpr auto& kNames = kJointKindNames;
 };
 template <>
+struct EnumNames<ControlDynamics> {
+  static constexpr auto& kNames = kControlDynamicsNames;
+};
+template <>
 struct EnumNames<PathElementDef::Kind> {
   static constexpr auto& kNames = kPathElementNames;
 };
@@ -198,9 +202,13 @@ void Fields(A& a, Like<SpringDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ControlDef, A>& s) {
-  auto& [name, terms, gain, is_setpoint, lower, upper, initial, along] = s;
+  auto& [name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
+         activation_lower, activation_upper, initial_activation] = s;
   a("name", name), a("terms", terms), a("gain", gain), a("is_setpoint", is_setpoint);
   a("lower", lower), a("upper", upper), a("initial", initial), a("along", along);
+  a.Optional("dynamics", dynamics), a.Optional("time_constant", time_constant);
+  a.Optional("activation_lower", activation_lower), a.Optional("activation_upper", activation_upper);
+  a.Optional("initial_activation", initial_activation);
 }
 
 template <class A>
@@ -244,8 +252,9 @@ void Fields(A& a, Like<FreeBodyDef, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<KeyframeDef::MechanismState, A>& s) {
-  auto& [q, q_dot, X_WR, V_R, controls] = s;
+  auto& [q, q_dot, X_WR, V_R, controls, activation] = s;
   a("q", q), a("q_dot", q_dot), a("X_WR", X_WR), a("V_R", V_R), a("controls", controls);
+  a.Optional("activation", activation);
 }
 
 template <class A>

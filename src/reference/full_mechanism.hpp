@@ -96,7 +96,7 @@ class FullMechanism {
   const std::vector<Mechanism::LengthLimit>& length_limits() const { return length_limits_; }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
-  VectorX controls;
+  VectorX controls;  // what forces are proportional to: inputs, or activations where they have dynamics
   RigidTransform driven_next;              // pose that a driven base reaches in the next step
   Vector6 driven_twist = Vector6::Zero();  // of a driven base at the end of the next stage, body axes
   bool pushed = false;                     // contact acts in this step

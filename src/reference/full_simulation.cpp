@@ -33,7 +33,7 @@ Expected<FullSimulation> FullSimulation::Create(Scene scene, const FullSimulatio
   }
   if (auto ok = d.AddMechanisms(key); !ok) return tl::unexpected(ok.error());
   if (auto ok = d.AddFreeBodies(key); !ok) return tl::unexpected(ok.error());
-  d.AddControls();
+  d.AddControls(key);
   const auto interfaces = d.Interfaces();
   if (!interfaces) return tl::unexpected(interfaces.error());
   for (std::size_t i = 0; i < d.mechanisms.size(); ++i) {
@@ -117,20 +117,28 @@ Expected<std::vector<std::vector<int>>> FullSimulation::Detail::Interfaces() con
   return found;
 }
 
-void FullSimulation::Detail::AddControls() {
+void FullSimulation::Detail::AddControls(const KeyframeDef* key) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  std::vector<double> values, lower, upper;
+  std::vector<double> values, starts, lower, upper;
   auto add = [&](const std::string& name, double value, double low, double high) {
     control_names.push_back(name);
     values.push_back(value);
     lower.push_back(low);
     upper.push_back(high);
   };
-  for (const FullMechanism& m : mechanisms)
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const FullMechanism& m = mechanisms[i];
+    const bool given = key && key->mechanisms[i].activation.size() > 0;
+    FORK1S_REQUIRE(!given || key->mechanisms[i].activation.size() == m.controls.size());
     for (std::size_t k = 0; k < m.mechanism().controls().size(); ++k) {
       const Mechanism::Control& c = m.mechanism().controls()[k];
       add(c.name, m.controls(static_cast<Eigen::Index>(k)), c.lower, c.upper);
+      const ControlDef& def = m.mechanism().definition().controls[k];
+      dynamics.push_back(def.dynamics == ControlDynamics::kNone ? nullptr : &def);
+      starts.push_back(given ? key->mechanisms[i].activation(static_cast<Eigen::Index>(k))
+                             : def.initial_activation);
     }
+  }
   for (const FullMechanism& m : mechanisms)
     if (m.mechanism().base() == BaseKind::kDriven)
       for (const char* axis : {".x", ".y", ".z", ".rx", ".ry", ".rz"})
@@ -142,6 +150,9 @@ void FullSimulation::Detail::AddControls() {
   const auto num_inputs =
       std::accumulate(mechanisms.begin(), mechanisms.end(), Eigen::Index{0},
                       [](Eigen::Index n, const FullMechanism& m) { return n + m.controls.size(); });
+  dynamics.resize(values.size(), nullptr);  // a driven base has none
+  starts.resize(values.size(), 0);
+  activation = vector(starts);
   base_rates = VectorX::Constant(controls.size() - num_inputs, std::numeric_limits<double>::quiet_NaN());
   controls_before = controls;
   control_lower = vector(lower);
@@ -151,8 +162,8 @@ void FullSimulation::Detail::AddControls() {
 void FullSimulation::Detail::PassControls() {
   Eigen::Index next = 0;
   for (FullMechanism& m : mechanisms) {
-    m.controls = controls.segment(next, m.controls.size());
-    next += m.controls.size();
+    for (Eigen::Index k = 0; k < m.controls.size(); ++k, ++next)
+      m.controls(k) = dynamics[static_cast<std::size_t>(next)] ? activation(next) : controls(next);
   }
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     if (mechanisms[i].mechanism().base() != BaseKind::kDriven) continue;

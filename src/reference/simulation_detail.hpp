@@ -31,7 +31,7 @@ struct FullSimulation::Detail {
   Expected<void> AddMechanisms(const KeyframeDef* key);
   Expected<void> AddFreeBodies(const KeyframeDef* key);
   Expected<std::vector<std::vector<int>>> Interfaces() const;
-  void AddControls();
+  void AddControls(const KeyframeDef* key);
   void PassControls();
   FullStepReport Step();
   /// Solves a step or stage that `begin` opens; false where it does not come to an end with numbers that are
@@ -49,6 +49,9 @@ struct FullSimulation::Detail {
   };
   enum class Outcome { kDone, kMeets, kUnsolved };
   VectorX controls_before;
+  VectorX activation;                       // as controls, of those with dynamics, at the start of a step
+  std::vector<const ControlDef*> dynamics;  // of each control, null: none
+  double ActivationAfter(Eigen::Index control, double share) const;
   // Driven bases, one a mechanism: poses at both ends of the step, the rate at its end where it is known, and the path.
   std::vector<RigidTransform> base_now, base_next;
   std::vector<std::optional<Vector6>> base_rate_next;

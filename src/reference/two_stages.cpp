@@ -74,6 +74,29 @@ void FullSimulation::Detail::StartBasePaths() {
   }
 }
 
+namespace {
+
+// Solves da/dt = (u - a)/T, or da/dt = u, over t from a, u moving at the rate r. Where it turns towards the inside of
+// the bounds, the rest is a problem of its own.
+double SolveActivation(const ControlDef& def, double a, double u, double r, double t) {
+  const bool lag = def.dynamics == ControlDynamics::kLag;
+  for (const double pivot : {lag ? def.activation_lower : 0, lag ? def.activation_upper : 0}) {
+    const double at = (pivot - u) / r;
+    if (at > 0 && at < t) return SolveActivation(def, SolveActivation(def, a, u, r, at), pivot, r, t - at);
+  }
+  const double T = def.time_constant, last = u + r * t;
+  const double free = lag ? (a - u + r * T) * std::exp(-t / T) + last - r * T : a + 0.5 * (u + last) * t;
+  return std::min(std::max(free, def.activation_lower), def.activation_upper);
+}
+
+}  // namespace
+
+double FullSimulation::Detail::ActivationAfter(Eigen::Index k, double share) const {
+  const double from = options.controls_move ? controls_before(k) : controls(k);
+  return SolveActivation(*dynamics[static_cast<std::size_t>(k)], activation(k), from,
+                         (controls(k) - from) / dt, share * dt);
+}
+
 // Controls as they are at a share of the step, driven bases on their paths.
 void FullSimulation::Detail::SetInputs(double share) {
   Eigen::Index next = 0;
@@ -82,6 +105,8 @@ void FullSimulation::Detail::SetInputs(double share) {
     m.controls = controls.segment(next, n);
     if (options.controls_move)
       m.controls -= (1 - share) * (controls.segment(next, n) - controls_before.segment(next, n));
+    for (Eigen::Index k = 0; k < n; ++k)
+      if (dynamics[static_cast<std::size_t>(next + k)]) m.controls(k) = ActivationAfter(next + k, share);
     next += n;
   }
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
@@ -106,6 +131,10 @@ FullStepReport FullSimulation::Detail::StepByStages() {
       if (mechanisms[i].mechanism().base() == BaseKind::kDriven)
         base_history[i] = base_path[i].History(base_history[i]);
     base_now = base_next;
+    VectorX next = activation;
+    for (Eigen::Index k = 0; k < controls.size(); ++k)
+      if (dynamics[static_cast<std::size_t>(k)]) next(k) = ActivationAfter(k, 1);
+    activation = next;
     controls_before = controls;
     ++steps;
   } else {

@@ -99,7 +99,12 @@ std::optional<Refusal> LiveSimulation::HandleHold() {
       const auto control =
           std::find_if(controls.begin(), controls.end(), [&](const auto& c) { return c.name == name; });
       if (servo == servos_.end() || control == controls.end() || control->gain == 0) continue;
-      const double set_point = servo->stiffness * (m.Length(control->length) - servo->Rest()) / control->gain;
+      const auto place = static_cast<std::size_t>(control - controls.begin());
+      const bool integrates =
+          m.mechanism().definition().controls[place].dynamics == ControlDynamics::kIntegrator;
+      // An integrator holds its set-point where its input, the rate, is 0.
+      const double set_point =
+          integrates ? 0 : servo->stiffness * (m.Length(control->length) - servo->Rest()) / control->gain;
       RemoveFromTable(first + static_cast<Eigen::Index>(k));
       targets_(first + static_cast<Eigen::Index>(k)) = std::clamp(set_point, control->lower, control->upper);
       holds = true;

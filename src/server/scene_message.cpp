@@ -116,9 +116,11 @@ void AddFreeBody(const FreeBody& body, Json& out) {
 }
 
 // The range of a slider: the control's own, else that of the joint it moves, else one that suits the model.
-Json ControlRange(const Mechanism& m, const Mechanism::Control& c, double radius) {
+Json ControlRange(const Mechanism& m, std::size_t control, double radius) {
+  const Mechanism::Control& c = m.controls()[control];
   double low = c.lower, high = c.upper;
-  if (!(std::isfinite(low) && std::isfinite(high)) && c.length.is_single()) {
+  const bool is_rate = m.definition().controls[control].dynamics == ControlDynamics::kIntegrator;
+  if (!is_rate && !(std::isfinite(low) && std::isfinite(high)) && c.length.is_single()) {
     const int i = c.length.terms[0].first;
     const bool turns = m.Turns(i);
     const double span = turns ? 1.6 : 0.3 * radius;
@@ -197,10 +199,11 @@ std::string LiveSimulation::SceneMessage() const {
     const std::size_t count = simulation_.given_mechanism(static_cast<int>(i)).controls().size();
     for (std::size_t k = 0; k < count; ++k) {
       const Mechanism::Control& c = m.controls()[static_cast<std::size_t>(at.first_control) + k];
-      out["controls"].push_back({{"name", simulation_.control_names()[next++]},
-                                 {"range", ControlRange(m, c, radius)},
-                                 {"base", false},
-                                 {"joints", JointsOf(m, c, first_joint[within])}});
+      out["controls"].push_back(
+          {{"name", simulation_.control_names()[next++]},
+           {"range", ControlRange(m, static_cast<std::size_t>(at.first_control) + k, radius)},
+           {"base", false},
+           {"joints", JointsOf(m, c, first_joint[within])}});
     }
   }
   for (; next < simulation_.control_names().size(); ++next) {

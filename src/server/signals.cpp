@@ -39,7 +39,7 @@ JointLoads LoadsOf(const Simulation& simulation, const MechanismDynamics& m, int
   for (std::size_t k = 0; k < controls.size(); ++k) {
     const Mechanism::Control& c = controls[k];
     const auto i = static_cast<Eigen::Index>(k);
-    const double push = c.gain * m.controls()(i);
+    const double push = c.gain * m.ActivationOf(i);
     m.AddLengthForce(c.length, push, out.tau);
     out.actuator(i) = push;
     const auto share = std::find_if(servos.begin(), servos.end(), [&](const ServoShare& s) {
@@ -52,7 +52,7 @@ JointLoads LoadsOf(const Simulation& simulation, const MechanismDynamics& m, int
   }
   for (const Mechanism::ForceLimit& f : def.force_limits()) {
     double force = -f.stiffness * (m.Length(f.length) - f.rest) - f.damping * RateOf(m, f.length, q_dot);
-    for (const auto& [input, gain] : f.inputs) force += gain * m.controls()(input);
+    for (const auto& [input, gain] : f.inputs) force += gain * m.ActivationOf(input);
     const double given = std::clamp(force, f.lower, f.upper);
     m.AddLengthForce(f.length, given - force, out.tau);
     for (std::size_t k = 0; k < controls.size(); ++k)

@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "mechanism/activation.hpp"
 #include "mechanism/sensor_stiffness.hpp"
 
 namespace fork1s {
@@ -37,6 +38,7 @@ Expected<KeyframeDef::MechanismState> StateOf(const MechanismDef& def, const Mec
   state.controls = VectorX(static_cast<Eigen::Index>(def.controls.size()));
   for (std::size_t c = 0; c < def.controls.size(); ++c)
     state.controls(static_cast<Eigen::Index>(c)) = def.controls[c].initial;
+  state.activation = internal::InitialActivation(def);
   if (!known) return state;
   const auto old = BuildMechanism(*known);
   if (!old) return tl::unexpected(old.error());
@@ -48,8 +50,11 @@ Expected<KeyframeDef::MechanismState> StateOf(const MechanismDef& def, const Mec
     }
   for (std::size_t c = 0; c < def.controls.size(); ++c)
     if (const int at = PlaceOf(known->controls, def.controls[c].name);
-        at >= 0 && at < before->controls.size())
+        at >= 0 && at < before->controls.size()) {
       state.controls(static_cast<Eigen::Index>(c)) = before->controls(at);
+      if (state.activation.size() > 0 && at < before->activation.size())
+        state.activation(static_cast<Eigen::Index>(c)) = before->activation(at);
+    }
   if (def.base != BaseKind::kFixed) {
     state.X_WR = before->X_WR;
     state.V_R = before->V_R;

@@ -236,9 +236,15 @@ void JoinInScene(const std::vector<MechanismPlace>& places, const Given& given, 
     Append(base_rates, into.q_dot);
     Append(from.q, into.q);
     Append(RatesOf(from), into.q_dot);
+    // Without dynamics there are none.
+    if (from.activation.size() > 0 || into.activation.size() > 0) {
+      into.activation.conservativeResizeLike(VectorX::Zero(into.controls.size()));
+      from.activation.conservativeResizeLike(VectorX::Zero(from.controls.size()));
+      Append(from.activation, into.activation);
+    }
     Append(from.controls, into.controls);
     member = Empty(member);
-    from.q = from.q_dot = from.controls = VectorX(0);
+    from.q = from.q_dot = from.controls = from.activation = VectorX(0);
     from.V_R.setZero();
     member.X_WR = from.X_WR;
   }

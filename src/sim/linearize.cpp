@@ -319,6 +319,13 @@ Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOption
     if (body < 0 || body >= static_cast<int>(simulation.bodies().size()))
       return refuse(
           fmt::format("there is no body {}; bodies are 0 to {}", body, simulation.bodies().size() - 1));
+  for (int i = 0; i < static_cast<int>(simulation.scene().mechanisms.size()); ++i)
+    for (const ControlDef& control : simulation.given_mechanism(i).definition().controls)
+      if (control.dynamics != ControlDynamics::kNone)
+        return refuse(fmt::format(
+            "control '{}' has an activation, which is no coordinate of a linearized step; give the "
+            "actuator dyntype=\"none\"",
+            control.name));
   if (!simulation.holds().empty())
     return refuse("bodies are held by frozen contacts; let them go by another level of detail");
 

@@ -68,6 +68,25 @@ std::string NameOf(const Simulation& simulation, int contactor) {
   return Quoted(simulation, simulation.BodyOfContactor(contactor));
 }
 
+// Activations of the controls of mechanisms, or the controls themselves where they have no dynamics, then all controls.
+VectorX InputsOf(const Simulation& simulation) {
+  VectorX inputs(2 * simulation.controls().size());
+  Eigen::Index next = 0;
+  for (std::size_t i = 0; i < simulation.scene().mechanisms.size(); ++i) {
+    const MechanismPlace& at = simulation.place(static_cast<int>(i));
+    const MechanismDynamics& m = simulation.world().mechanisms()[static_cast<std::size_t>(at.mechanism)];
+    const std::size_t count = simulation.given_mechanism(static_cast<int>(i)).controls().size();
+    for (std::size_t k = 0; k < count; ++k, ++next)
+      inputs(next) = m.HasDynamics(at.first_control + static_cast<Eigen::Index>(k))
+                         ? m.activation()(at.first_control + static_cast<Eigen::Index>(k))
+                         : simulation.controls()(next);
+  }
+  const Eigen::Index bases = simulation.controls().size() - next;
+  inputs.segment(next, bases) = simulation.controls().tail(bases);
+  inputs.tail(simulation.controls().size()) = simulation.controls();
+  return inputs;
+}
+
 }  // namespace
 
 PlausibleWatch::PlausibleWatch(const Simulation& simulation) { Changed(simulation); }
@@ -93,7 +112,7 @@ void PlausibleWatch::Changed(const Simulation& simulation) {
   for (std::size_t i = 0; i < simulation.scene().mechanisms.size(); ++i)
     for (const ControlDef& c : simulation.given_mechanism(static_cast<int>(i)).definition().controls)
       is_setpoint_.push_back(c.is_setpoint);
-  controls_ = simulation.controls();
+  controls_ = InputsOf(simulation);
   driven_before_ = true;
   energy_ = simulation.Energy();
   kinetic_ = std::max(kinetic_, simulation.KineticEnergy());
@@ -234,7 +253,7 @@ std::optional<PlausibleWatch::Contactors> PlausibleWatch::PushedApart(double ris
 
 // Whether something outside may have done work: an input that moved, now or a step ago, or a motor.
 bool PlausibleWatch::IsDriven(const Simulation& simulation, const Seen& seen) {
-  const VectorX& controls = simulation.controls();
+  const VectorX controls = InputsOf(simulation);
   bool driven = seen.pushed || controls.size() != controls_.size() || controls != controls_;
   for (std::size_t i = 0; i < is_setpoint_.size() && static_cast<int>(i) < controls.size(); ++i)
     driven |= !is_setpoint_[i] && controls(static_cast<int>(i)) != 0;

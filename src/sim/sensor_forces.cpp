@@ -239,10 +239,17 @@ double Sensors::ActuatorForce(const Simulation& simulation, const SensorActuator
   for (int m = 0; m < actuator.mechanism; ++m)
     first += static_cast<Eigen::Index>(simulation.given_mechanism(m).controls().size());
   const auto& controls = simulation.given_mechanism(actuator.mechanism).controls();
+  const MechanismPlace& place = simulation.place(actuator.mechanism);
+  const MechanismDynamics& dynamics =
+      simulation.world().mechanisms()[static_cast<std::size_t>(place.mechanism)];
   for (const auto& [name, gain] : actuator.inputs)
-    for (std::size_t k = 0; k < controls.size(); ++k)
-      if (controls[k].name == name)
-        force += gain * simulation.start_controls()(first + static_cast<Eigen::Index>(k));
+    for (std::size_t k = 0; k < controls.size(); ++k) {
+      if (controls[k].name != name) continue;
+      const auto i = static_cast<Eigen::Index>(k);
+      force += gain * (dynamics.HasDynamics(place.first_control + i)
+                           ? dynamics.activation()(place.first_control + i)
+                           : simulation.start_controls()(first + i));
+    }
   return std::clamp(force, actuator.lower, actuator.upper);
 }
 

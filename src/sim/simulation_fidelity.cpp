@@ -8,6 +8,7 @@
 #include "diagnostics/closure_forces.hpp"
 #include "hold.hpp"
 #include "hold_shares.hpp"
+#include "mechanism/activation.hpp"
 
 namespace fork1s {
 
@@ -157,6 +158,8 @@ KeyframeDef Simulation::State() const {
     s.V_R = BaseTwist(static_cast<int>(i));
     s.controls =
         m.controls().segment(at.first_control, static_cast<Eigen::Index>(given_[i]->controls().size()));
+    if (internal::HasActivation(given_[i]->definition()))
+      s.activation = m.activation().segment(at.first_control, s.controls.size());
     key.mechanisms.push_back(std::move(s));
   }
   // Free bodies come last, held ones among them.

@@ -9,7 +9,8 @@
 // jump at a damping ratio of 0.4: R(z) of the scheme is negative there. The c that ends the step at the
 // static answer leaves a damped mode within 3 % of the jump of its true motion's largest
 // (tests/stepping/control_jump_test.cpp); where it is 1 or more, the step follows the jump and nothing is
-// changed.
+// changed. An activation that goes most of its way within the first stage is such a jump. It goes γ there at
+// least: that is the share of one that moves evenly, which the scheme follows in second order.
 #include <algorithm>
 
 #include "mechanism_detail.hpp"
@@ -39,13 +40,17 @@ double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
 
 void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward) {
   const auto& [model, state, ws] = here;
-  if (start.controls_move || start.controls == start.controls_from || model.size() == 0) return;
+  if (start.controls_move || model.size() == 0) return;
+  if (start.controls == start.controls_from && start.activation.size() == 0) return;
   ws.stage.v_k = ws.x;
   StartStageMatrix(here, b);
   if (!ws.matrix.is_definite) return;
   ws.scratch.jump.control.setZero(start.controls.size());
   for (Eigen::Index i = 0; i < start.controls.size(); ++i) {
-    const double jump = start.controls(i) - start.controls_from(i);
+    const bool moves = HasDynamics(start, i);
+    const double jump =
+        moves ? ActivationAfter(start, i, (1 + onward) * b, (1 + onward) * b) - start.activation(i)
+              : start.controls(i) - start.controls_from(i);
     if (jump == 0) continue;
     ws.scratch.jump.control(i) = jump;
     ws.scratch.jump.tau.setZero();
@@ -53,7 +58,12 @@ void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, 
                     ws.scratch.jump.tau);
     ws.scratch.jump.control(i) = 0;
     ws.scratch.jump.force.noalias() = ws.Q_now().transpose() * ws.scratch.jump.tau;
-    state.controls(i) -= (1 - ShareInFirstStage(here, b, onward)) * jump;
+    const double share = ShareInFirstStage(here, b, onward);
+    if (!moves)
+      state.controls(i) -= (1 - share) * jump;
+    else if (const double most = std::max(share, 1 / (1 + onward));
+             (state.activation(i) - start.activation(i)) / jump > most)
+      state.activation(i) = start.activation(i) + most * jump;
   }
 }
 

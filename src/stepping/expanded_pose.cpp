@@ -203,7 +203,7 @@ void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
                      (Eigen::Map<const MatrixX>(expansion.weight_slope.col(axis).data(), r, r) * pose.delta);
   const auto& controls = model.mechanism().controls();
   for (std::size_t k = 0; k < controls.size(); ++k) {
-    const double force = controls[k].gain * state.controls(static_cast<Eigen::Index>(k));
+    const double force = controls[k].gain * ActivationOf(state, static_cast<Eigen::Index>(k));
     if (force == 0) continue;
     for (const auto& [i, c] : controls[k].length.terms) f += c * force * pose.Q.row(i).transpose();
   }

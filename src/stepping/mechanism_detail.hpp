@@ -40,6 +40,11 @@ void ForgetInputs(const MechanismStep& here);
 /// differ, else what of its stiffness changes with the pose.
 void UpdateStageMatrix(const MechanismStep& here, double b);
 
+/// The activation of a control with dynamics after t [s] of a step of length h that begins at `start`
+/// (activation.cpp).
+double ActivationAfter(const MechanismState& start, Eigen::Index control, double t, double h);
+/// As ActivationsOf; in scratch, or the controls themselves where none has dynamics.
+const VectorX& UpdateActivations(const MechanismStep& here);
 /// Of the present pose and controls.
 ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,
                        const Matrix6X& wrenches_R, const VectorX& control_change);

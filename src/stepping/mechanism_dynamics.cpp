@@ -1,6 +1,7 @@
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include "linalg/cholesky.hpp"
+#include "mechanism/activation.hpp"
 #include "mechanism_detail.hpp"
 
 namespace fork1s {
@@ -38,7 +39,11 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   start.controls.resize(static_cast<Eigen::Index>(mechanism->controls().size()));
   for (std::size_t i = 0; i < mechanism->controls().size(); ++i)
     start.controls(static_cast<Eigen::Index>(i)) = mechanism->controls()[i].initial;
-  const ReductionLoads loads = LoadsOf(options, start, {}, {});
+  ReductionLoads loads = LoadsOf(options, start, {}, {});
+  start.activation = internal::InitialActivation(mechanism->definition());
+  for (Eigen::Index k = 0; k < start.activation.size(); ++k)
+    if (mechanism->definition().controls[static_cast<std::size_t>(k)].dynamics != ControlDynamics::kNone)
+      loads.controls(k) = start.activation(k);
   auto reduced = Reduce(mechanism, q, options.reduction, &loads);
   if (!reduced) return tl::unexpected(reduced.error());
   if (options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
@@ -96,6 +101,14 @@ LinearizationDrift MechanismDynamics::ComputeLinearizationDrift() const {
 bool MechanismDynamics::Refresh() { return fork1s::Refresh(model_, state_, *work_); }
 void MechanismDynamics::Restore(const MechanismState& saved) {
   fork1s::Restore(model_, state_, *work_, saved);
+}
+
+void MechanismDynamics::SetActivation(const VectorX& activation) {
+  FORK1S_REQUIRE(activation.size() == state_.controls.size(), activation.size(), state_.controls.size());
+  const auto& controls = mechanism().definition().controls;
+  for (Eigen::Index k = 0; k < state_.activation.size(); ++k)
+    if (controls[static_cast<std::size_t>(k)].dynamics != ControlDynamics::kNone)
+      state_.activation(k) = activation(k);
 }
 
 int MechanismDynamics::NumForcesAtBound() const { return fork1s::NumForcesAtBound(state_); }

@@ -13,7 +13,7 @@ void StartAtReference(const MechanismModel& model, MechanismState& state) {
 
 ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& state,
                        const Matrix6X& wrenches_R, const VectorX& control_change) {
-  return {state.reduced.X_WR.rotation().transpose() * options.gravity_W, state.controls, wrenches_R,
+  return {state.reduced.X_WR.rotation().transpose() * options.gravity_W, ActivationsOf(state), wrenches_R,
           control_change};
 }
 
@@ -72,6 +72,7 @@ void Size(const MechanismStep& here) {
   ws.forces.g.resize(n);
   ws.forces.tau.resize(n);
   ws.scratch.jump.control.resize(state.controls.size());
+  ws.scratch.activation.resize(state.activation.size());
   ws.forces.F.resize(6, m.num_bodies());
   ws.loads.K.resize(nx, nx);
   ws.point_spring.J.resize(3, nx);

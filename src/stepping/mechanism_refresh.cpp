@@ -92,6 +92,8 @@ void RecordLoads(const MechanismStep& here, const MechanismState& start,
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   ws.missing.control_change = state.controls - start.controls_from;
+  for (Eigen::Index k = 0; k < state.activation.size(); ++k)
+    if (HasDynamics(state, k)) ws.missing.control_change(k) = state.activation(k) - start.activation(k);
   ws.missing.reactions.setZero(m.num_coordinates());
   AddStopForces(here, ws.stage.length, limit_impulses, friction_impulses, ws.missing.reactions);
   for (std::size_t k = 0; k < m.force_limits().size(); ++k) {

@@ -51,6 +51,8 @@ void AddLoadWrenches(const MechanismView& here, Matrix6X& F);
 /// Loads for the next step are those of `start`, and controls and the pose of a driven base where they
 /// are after a share of a step that begins there.
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
+/// Activations are those after a share of a step of length h that begins at `start` (activation.cpp).
+void AdvanceActivations(const MechanismStep& here, const MechanismState& start, double share, double h);
 /// Inputs of the first or the second half of a step of length h that begins at `start`.
 void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second);
 /// The path of a driven base in a step of length h from `state`.

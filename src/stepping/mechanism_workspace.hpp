@@ -216,8 +216,9 @@ struct DrivenBase {
 /// Scratch of one function at a time.
 struct Scratch {
   ControlJump jump;
-  VectorX rhs, solved;       // num_velocities: right side of a linear system, solution
-  VectorX length_row;        // r: rate of a length per unit of the rates
+  VectorX rhs, solved;  // num_velocities: right side of a linear system, solution
+  VectorX activation;   // as MechanismState::activation; of all controls what their force is proportional to
+  VectorX length_row;   // r: rate of a length per unit of the rates
   RowMatrixX rotation_rows;  // E Q_θ of damped rotations, three rows each
 };
 

@@ -4,6 +4,7 @@
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
 
+#include "mechanism/activation.hpp"
 #include "study/deflection.hpp"
 
 namespace fork1s {
@@ -30,7 +31,7 @@ StaticsOptions WeightAndControls(const PosedMechanism& posed, const Vector3& gra
   options.gravity_R = m.definition().X_WR.rotation().transpose() * gravity_W;
   options.controls.resize(static_cast<Eigen::Index>(m.controls().size()));
   for (std::size_t i = 0; i < m.controls().size(); ++i)
-    options.controls(static_cast<Eigen::Index>(i)) = m.controls()[i].initial;
+    options.controls(static_cast<Eigen::Index>(i)) = internal::RestingActivation(m.definition().controls[i]);
   return options;
 }
 

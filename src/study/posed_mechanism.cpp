@@ -3,6 +3,7 @@
 
 #include <fork1s/mechanism/kinematics.hpp>
 
+#include "mechanism/activation.hpp"
 #include "study/posed_mechanism.hpp"
 
 namespace fork1s {
@@ -19,7 +20,7 @@ Expected<std::vector<PosedMechanism>> PoseMechanisms(const ImportedScene& import
     p.X_WR = def.X_WR;
     p.loads.controls.resize(static_cast<Eigen::Index>(def.controls.size()));
     for (std::size_t k = 0; k < def.controls.size(); ++k)
-      p.loads.controls(static_cast<Eigen::Index>(k)) = def.controls[k].initial;
+      p.loads.controls(static_cast<Eigen::Index>(k)) = internal::RestingActivation(def.controls[k]);
     p.q = VectorX::Zero(p.mechanism->num_coordinates());
     if (imported.initial_keyframe >= 0) {
       const auto& start =

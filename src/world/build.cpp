@@ -34,8 +34,11 @@ Expected<void> CheckKeyframe(const Mechanism& m, const KeyframeDef::MechanismSta
   if (!is(state.controls, 0) && !is(state.controls, controls))
     return Fail(ErrorCode::kModel, where,
                 "has another number of controls than the " + std::to_string(controls) + of);
+  if (!is(state.activation, 0) && !is(state.activation, controls))
+    return Fail(ErrorCode::kModel, where,
+                "has another number of activations than the " + std::to_string(controls) + " controls" + of);
   if (!state.q.allFinite() || !state.q_dot.allFinite() || !state.X_WR.IsFinite() || !state.V_R.allFinite() ||
-      !state.controls.allFinite())
+      !state.controls.allFinite() || !state.activation.allFinite())
     return Fail(ErrorCode::kModel, where, "the state" + of + " has a number that is not finite");
   return {};
 }
@@ -133,6 +136,8 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
       dynamics->controls() = key->mechanisms[i].controls;
       dynamics->StartControlsFrom(0, dynamics->controls());
     }
+    if (key && key->mechanisms[i].activation.size() > 0)
+      dynamics->SetActivation(key->mechanisms[i].activation);
     for (const std::string& w : dynamics->warnings()) detail.warnings_.push_back(w);
     detail.bodies_.mechanisms.push_back(std::move(*dynamics));
   }

@@ -61,7 +61,8 @@ Expected<void> World::CanRestore(const WorldState& state) const {
     if (there.num_bodies() != here.num_bodies() || there.num_coordinates() != here.num_coordinates() ||
         there.num_constraints() != here.num_constraints() || there.base() != here.base() ||
         then.model->interfaces != mechanisms[i].model().interfaces ||
-        then.controls.size() != mechanisms[i].controls().size())
+        then.controls.size() != mechanisms[i].controls().size() ||
+        then.activation.size() != mechanisms[i].activation().size())
       return fail("has a mechanism '" + there.name() + "' that differs from '" + here.name() +
                   "' of this world");
   }

@@ -125,8 +125,10 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   if (scheme != StageScheme::kBackwardEuler) stage.h = kStageShare * options.h;
   const double share = scheme == StageScheme::kFirstOfTwo ? kStageShare : 1, time = share * options.h;
   stage_.within = true;
-  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i) {
     SetInputsWithin(bodies_.mechanisms[i], halving_.before.mechanisms[i], share);
+    AdvanceActivations(bodies_.mechanisms[i], halving_.before.mechanisms[i], share, options.h);
+  }
   if (scheme == StageScheme::kFirstOfTwo)
     bodies_.ForMechanisms([&](std::size_t i) {
       ReduceControlJumps(bodies_.mechanisms[i], halving_.before.mechanisms[i], stage.h, kOnward);

@@ -209,15 +209,41 @@ TEST(ImportForces, WhatIsNotSimulatedIsListed) {
           .replace(
               std::string(R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>)").size(),
               0, R"(<site name="s0"/><site name="s1" pos="1 0 0"/>)"));
-  for (const char* part : {"'pull'", "'slow'", "'tips_over'", "tendon equality constraint",
+  for (const char* part : {"'pull'", "'tips_over'", "tendon equality constraint",
                            "inactive equality constraint 'off'", "2 x sensor"}) {
     EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, part)) << part;
   }
+  EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kDropped, "'slow'"));
   ASSERT_EQ(loaded.scene.mechanisms[0].force_limits.size(), 1u);
   EXPECT_EQ(loaded.scene.mechanisms[0].force_limits[0].name, "clipped");
   ASSERT_EQ(loaded.scene.mechanisms[0].frictions.size(), 1u);
   EXPECT_EQ(loaded.scene.mechanisms[0].frictions[0].force, 0.1);
   EXPECT_EQ(loaded.scene.mechanisms[0].controls.size(), 2u);  // slow, clipped
+}
+
+TEST(ImportForces, FiltersAndIntegratorsHaveAnActivation) {
+  const std::vector<ControlDef> controls =
+      MustLoad(Model("", R"(<actuator><general name="filter" joint="ja" dyntype="filter" dynprm=".3"/>
+    <position name="exact" joint="ja" kp="2" timeconst=".2" inheritrange="0" ctrlrange="-1 1"/>
+    <general name="bound" joint="jb" dyntype="filterexact" dynprm=".1" actlimited="true" actrange="-.4 .5"/>
+    <general name="integrated" joint="jb" dyntype="integrator" actlimited="true" actrange="-2 3" ctrlrange="-1 1"/>
+    <general name="instant" joint="jc" dyntype="filterexact" dynprm="0"/><motor name="motor" joint="jc"/></actuator>)"))
+          .scene.mechanisms[0]
+          .controls;
+  ASSERT_EQ(controls.size(), 6u);
+  EXPECT_EQ(controls[0].dynamics, ControlDynamics::kLag);
+  EXPECT_EQ(controls[0].time_constant, .3);
+  EXPECT_EQ(controls[0].initial_activation, 0);
+  EXPECT_EQ(controls[1].dynamics, ControlDynamics::kLag);
+  EXPECT_EQ(controls[1].time_constant, .2);
+  EXPECT_EQ(controls[1].upper, 1);
+  EXPECT_EQ(controls[2].activation_lower, -.4);
+  EXPECT_EQ(controls[2].activation_upper, .5);
+  EXPECT_EQ(controls[3].dynamics, ControlDynamics::kIntegrator);
+  EXPECT_EQ(controls[3].activation_upper, 3);
+  EXPECT_EQ(controls[3].upper, 1);  // of the input, which is the rate
+  EXPECT_EQ(controls[4].dynamics, ControlDynamics::kNone);
+  EXPECT_EQ(controls[5].dynamics, ControlDynamics::kNone);
 }
 
 TEST(ImportForces, BallSpringAndServo) {

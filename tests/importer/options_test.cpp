@@ -156,10 +156,14 @@ TEST(ImportOptionsTest, KeyframeOfAnIntegrator_StartsAtTheActivation) {
   const MechanismDef& mechanism = loaded.scene.mechanisms[0];
   ASSERT_EQ(mechanism.controls.size(), 2u);
   EXPECT_EQ(mechanism.controls[0].initial, .2);
-  EXPECT_EQ(mechanism.controls[1].initial, .6);
+  EXPECT_EQ(mechanism.controls[1].initial, .4);
+  EXPECT_EQ(mechanism.controls[1].initial_activation, .6);
+  const KeyframeDef::MechanismState& state = loaded.scene.keyframes[0].mechanisms[0];
+  ASSERT_EQ(state.activation.size(), 2);
+  EXPECT_EQ(state.activation(1), .6);
   const auto text = MomentAsMjcf(WriteFile("m.xml", kIntegrated), {}, loaded.scene.keyframes[0], "now", 2);
   ASSERT_TRUE(text) << text.error().Text();
-  EXPECT_CONTAINS(*text, R"(act="0.6" ctrl="0.2 0")");
+  EXPECT_CONTAINS(*text, R"(act="0.6" ctrl="0.2 0.4")");
 }
 
 TEST(ImportOptionsTest, ActuatorsOfADisabledGroup_AreLeftOut) {

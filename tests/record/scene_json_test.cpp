@@ -99,7 +99,8 @@ class BitList {
   }
   void Add(const ControlDef& c) {
     Add(c.name), Add(c.terms), Add(c.gain), Add(c.is_setpoint), Add(c.lower), Add(c.upper), Add(c.initial);
-    Add(c.along);
+    Add(c.along), Add(static_cast<int>(c.dynamics)), Add(c.time_constant), Add(c.activation_lower);
+    Add(c.activation_upper), Add(c.initial_activation);
   }
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
@@ -108,7 +109,7 @@ class BitList {
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
   void Add(const KeyframeDef::MechanismState& s) {
-    Add(s.q), Add(s.q_dot), Add(s.X_WR), Add(s.V_R), Add(s.controls);
+    Add(s.q), Add(s.q_dot), Add(s.X_WR), Add(s.V_R), Add(s.controls), Add(s.activation);
   }
   void Add(const KeyframeDef::FreeBodyState& s) { Add(s.X_WB), Add(s.omega_W), Add(s.velocity_W); }
   void Add(const KeyframeDef& k) { Add(k.name), Add(k.mechanisms), Add(k.free_bodies); }

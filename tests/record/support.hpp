@@ -98,6 +98,8 @@ inline Scene TouchingScene() {
   scene.timestep = 0.005;
   scene.mechanisms.push_back(Chain("hand", BaseKind::kDriven, 4, RigidTransform(Vector3(0.02, 0, 0.56))));
   scene.mechanisms.push_back(Chain("pusher", BaseKind::kFixed, 5, RigidTransform(Vector3(-0.14, 0.01, 0.5))));
+  scene.mechanisms[1].controls[0].dynamics = ControlDynamics::kLag;
+  scene.mechanisms[1].controls[0].time_constant = 0.02;
   MechanismDef walker = Chain("walker", BaseKind::kFloating, 2, RigidTransform(Vector3(0.6, 0, 0.25)));
   walker.bodies[0].geometries.push_back(Geometry("trunk", Box{Vector3(0.06, 0.04, 0.02)}));
   walker.interfaces.push_back("walker_base");
@@ -185,6 +187,10 @@ inline Scene SceneWithEverything(unsigned seed) {
     m.joints[0].freedoms[0].lower = -random.Uniform(0, 2);
     m.controls[0].upper = random.Uniform(1, 2);
     m.controls[0].initial = -0.0;
+    m.controls[1].dynamics = static_cast<ControlDynamics>(i);
+    m.controls[1].time_constant = random.Uniform(0.01, 1);
+    m.controls[1].activation_upper = random.Uniform(1, 2);
+    m.controls[1].initial_activation = random.Uniform(0, 1);
     PathDef path{"path", {}};
     path.kind = PathKind::kWrench;
     path.rod = random.Uniform(0, 1);
@@ -259,6 +265,7 @@ inline Scene SceneWithEverything(unsigned seed) {
     s.X_WR = random.Pose(1);
     s.V_R = random.Six(1);
     s.controls = random.Vector(static_cast<int>(m.controls.size()), 1);
+    s.activation = random.Vector(static_cast<int>(m.controls.size()), 1);
     key.mechanisms.push_back(s);
   }
   key.free_bodies.push_back({random.Pose(1), random.InBox(1), random.InBox(1)});

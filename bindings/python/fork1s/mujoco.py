@@ -53,7 +53,7 @@ class Stepper:
     ) -> None:
         if model.na > 0:
             raise UsageError(
-                "Stepper: actuators with activations (na > 0) have a state that fork1s does not have"
+                "Stepper: it does not carry activations of actuators (na > 0); simulate the model by fork1s.Simulation"
             )
         self._mj = model
         self._forward = forward

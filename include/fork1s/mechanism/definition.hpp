@@ -239,9 +239,16 @@ struct ForceLimitDef {
   PathUse along = {};
 };
 
+/// How the activation a of a control, by which its force is gain·a, follows its input u.
+enum class ControlDynamics {
+  kNone,        ///< a = u
+  kLag,         ///< da/dt = (u - a)/time_constant
+  kIntegrator,  ///< da/dt = u
+};
+
 /// An input u that pushes with force gain·coefficient·u on each of its freedoms, and gain·u along a path. For
 /// a servo the gain is its stiffness, so that u is the set-point; the stiffness itself stands in a joint or
-/// SpringDef.
+/// SpringDef. Where the control has dynamics, its activation takes the place of u in all that.
 struct ControlDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;
@@ -251,6 +258,12 @@ struct ControlDef {
   double upper = std::numeric_limits<double>::infinity();
   double initial = 0;
   PathUse along = {};
+  ControlDynamics dynamics = ControlDynamics::kNone;
+  double time_constant = 0;  // s, above 0, of a lag
+  // Of the activation, in units of u, or u·s where it is integrated; it stops at its bounds.
+  double activation_lower = -std::numeric_limits<double>::infinity();
+  double activation_upper = std::numeric_limits<double>::infinity();
+  double initial_activation = 0;
 };
 
 enum class BaseKind {

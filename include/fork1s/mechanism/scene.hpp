@@ -26,6 +26,8 @@ struct KeyframeDef {
     RigidTransform X_WR;
     Vector6 V_R = Vector6::Zero();  // base twist in R about R's origin
     VectorX controls;
+    VectorX activation =
+        {};  // as controls, read of those with dynamics; empty: ControlDef::initial_activation
   };
   struct FreeBodyState {
     RigidTransform X_WB;

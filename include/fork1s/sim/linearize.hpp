@@ -65,8 +65,8 @@ struct LinearizedStep {
 /// By central differences of whole steps, at two changes and extrapolated: 8 n + 4 m + 1 steps, each solved to rounding.
 /// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
 /// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
-/// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01], and while bodies are held
-/// by frozen contacts; kNumerics where a step is not solved.
+/// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01], for controls with dynamics,
+/// and while bodies are held by frozen contacts; kNumerics where a step is not solved.
 Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options = {});
 
 }  // namespace fork1s

@@ -68,7 +68,7 @@ class PlausibleWatch {
   bool starts_ = true;  // the next step is the first
   double weight_ = 0;   // N, of all that moves; without gravity on earth
   Worst worst_[kKinds];
-  VectorX controls_;
+  VectorX controls_;           // activations of mechanisms and what drives bases, then all controls
   bool driven_before_ = true;  // in the step before
   double energy_ = 0, kinetic_ = 0;
 };

@@ -55,6 +55,13 @@ class MechanismDynamics {
   /// Inputs; they hold until changed. `controls` one per Mechanism::controls().
   VectorX& controls() { return state_.controls; }
   const VectorX& controls() const { return state_.controls; }
+  /// Of controls with dynamics, in the order of Mechanism::controls(), 0 of others; empty where none has.
+  const VectorX& activation() const { return state_.activation; }
+  bool HasDynamics(Eigen::Index control) const { return fork1s::HasDynamics(state_, control); }
+  /// What the force of a control is proportional to: its activation, or its input where it has no dynamics.
+  double ActivationOf(Eigen::Index control) const { return fork1s::ActivationOf(state_, control); }
+  /// Starts from these; one per control, of which those without dynamics are not read.
+  void SetActivation(const VectorX& activation);
   /// In the next step controls come from these, counted from the `first`, rather than from those of the last
   /// one.
   void StartControlsFrom(int first, const Eigen::Ref<const VectorX>& from) {

@@ -26,6 +26,7 @@ struct MechanismState {
   VectorX controls;       // hold until changed
   VectorX controls_from;  // at the end of the last step, or where they start in a step within which they move
   bool controls_move = false;  // of the next step only
+  VectorX activation;          // as controls, of those with dynamics, 0 of others; empty: none has
   RigidTransform driven_next;  // pose of a driven base at the end of the next step
   bool knows_driven_rate = false;
   Vector6 driven_rate =
@@ -45,5 +46,11 @@ struct MechanismState {
   // base's origin, world axes, beside what weight and forces from outside give it.
   VectorX acceleration;  // num_velocities
 };
+
+bool HasDynamics(const MechanismState& state, Eigen::Index control);
+/// What the force of a control is proportional to: its activation, or its input where it has no dynamics.
+double ActivationOf(const MechanismState& state, Eigen::Index control);
+/// Of all controls.
+VectorX ActivationsOf(const MechanismState& state);
 
 }  // namespace fork1s

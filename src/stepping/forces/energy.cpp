@@ -36,7 +36,7 @@ double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;
-    const double u = state.controls(static_cast<Eigen::Index>(i));
+    const double u = ActivationOf(state, static_cast<Eigen::Index>(i));
     energy -= control.gain * u * LengthOf(m, control.length, c.kinematics, c.q);
     if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
   }

@@ -19,16 +19,16 @@
 namespace fork1s {
 namespace {
 
-double Dot(const Mechanism::LinearForm& terms, const VectorX& values) {
+double InputForce(const MechanismState& state, const Mechanism::ForceLimit& limit) {
   double sum = 0;
-  for (const auto& [i, c] : terms) sum += c * values(i);
+  for (const auto& [i, c] : limit.inputs) sum += c * ActivationOf(state, i);
   return sum;
 }
 
 }  // namespace
 
 double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit, double length) {
-  return Dot(limit.inputs, here.state.controls) + limit.stiffness * (limit.rest - length);
+  return InputForce(here.state, limit) + limit.stiffness * (limit.rest - length);
 }
 
 double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit) {

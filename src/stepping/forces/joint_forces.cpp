@@ -28,7 +28,7 @@ void LoadForces(const MechanismStep& here, const Vector3& gravity_R) {
   if (model.base_moves()) ws.forces.base = ws.forces.F.rowwise().sum();
   AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.forces.F, ws.forces.tau);
   if (state.controls.size() > 0)
-    AddControlForce(m, ws.configuration.kinematics, state.controls, ws.forces.tau);
+    AddControlForce(m, ws.configuration.kinematics, UpdateActivations(here), ws.forces.tau);
   SpringForce(m, ws.configuration.kinematics, ws.configuration.q, ws.forces.g);
   ws.forces.g += ws.forces.tau;
 }
