@@ -26,8 +26,9 @@ void PutMechanism(const Conversion& c, const Component& component, int index,
     const double u = state.controls[static_cast<Eigen::Index>(i)];
     if (source.ctrl >= 0) key.ctrl[source.ctrl] = u;
     if (source.act >= 0)
-      key.act[source.act] = state.activation.size() > 0 ? state.activation[static_cast<Eigen::Index>(i)]
-                                                        : mechanism.controls[i].initial_activation;
+      key.act[source.act] = state.activation.size() > 0
+                                ? state.activation[static_cast<Eigen::Index>(i)]
+                                : c.scene.mechanisms[index].controls[i].initial_activation;
   }
 }
 

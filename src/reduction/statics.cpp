@@ -42,9 +42,10 @@ struct PathTangent {
 // in one unit; then the motions that they leave, and the reactions of least norm: loops closed more often
 // than needed share them.
 // `motions`: columns that span the motions that closed loops leave, orthonormal in one unit.
+// `drag`, where it is not 0: K is made less on its diagonal, by this and by as much as makes it definite [N·m].
 MatrixX SolveClosed(const Mechanism& mechanism, const LoadedMechanism& loaded, const VectorX& q,
                     const MatrixX& K, const MatrixX& g, const MatrixX& c, const std::vector<int>& locked,
-                    MatrixX* motions = nullptr) {
+                    MatrixX* motions = nullptr, double drag = 0) {
   const OneUnit here = ComputeOneUnit(mechanism, loaded.kinematics());
   const VectorX& unit = here.coordinate;
   VectorX row;
@@ -57,7 +58,9 @@ MatrixX SolveClosed(const Mechanism& mechanism, const LoadedMechanism& loaded, c
   if (motions) *motions = unseen;
   const MatrixX A_seen = Times(A, closed.seen);
   MatrixX x = -Times(closed.seen, LeastNormSolve(A_seen, c_x, kRankThreshold));
-  const MatrixX K_z = Congruence(K_x, unseen);
+  MatrixX K_z = Congruence(K_x, unseen);
+  if (drag > 0 && K_z.cols() > 0)
+    K_z.diagonal().array() -= std::max(drag, 2 * EigenvaluesOf(0.5 * (K_z + K_z.transpose())).maxCoeff());
   // What neither springs nor loads hold stays where it is: differences give its stiffness as rounding.
   constexpr double kHeld = 1e-12;
   x -= Times(unseen, LeastNormSolve(K_z, TransposedTimes(unseen, g_x + Times(K_x, x)), kHeld));
@@ -88,7 +91,12 @@ class EquilibriumPath {
   }
 
   StaticsResult Solve() {
+    const PathPoint start = point_;
     result_.converged = Start() && Follow();
+    if (!result_.converged && point_.share <= 1e-9) {
+      point_ = start;
+      result_.converged = StartLoaded() && Follow();
+    }
     result_.q = point_.q;
     result_.share = point_.share;
     return std::move(result_);
@@ -106,6 +114,42 @@ class EquilibriumPath {
     if (!WorksOn(free, load)) return true;
     point_.share = 1.0 / options_.load_steps;
     return Correct(point_, nullptr, kAnywhere);
+  }
+
+  // Where no path leaves the unloaded pose, as that of a body on cords which are slack there: at the first part
+  // of the load, under which it moves until something holds it.
+  bool StartLoaded() {
+    point_.share = 1.0 / options_.load_steps;
+    return Relax(point_) && Correct(point_, nullptr, std::numeric_limits<double>::infinity());
+  }
+
+  // At the share of p, follows dq/dt = g, whose stable rests are the stable equilibria, by implicit steps that
+  // lengthen as g falls (pseudo-transient continuation, Kelley and Keyes 1998). False where it does not come
+  // to rest.
+  bool Relax(PathPoint& p) {
+    constexpr int kMaxSteps = 1000;
+    constexpr double kFirst = 0.1;  // length of a step where no stiffness limits it, in one unit
+    constexpr double kRest = 1e-6;  // of the forces: from there Newton's method converges
+    const Eigen::Index n = p.q.size(), m = p.lambda.size();
+    const VectorX& unit = loaded_.unit().coordinate;
+    VectorX c = VectorX::Zero(m);
+    for (int i = 0; i < kMaxSteps; ++i) {
+      ++result_.iterations;
+      p.lambda = loaded_.Reactions(p.q, p.share);
+      const VectorX g = loaded_.Residual(p.q, p.lambda, p.share);
+      if (m > 0) ClosureResidual(mechanism_, loaded_.kinematics(), p.q, c);
+      const double size = loaded_.Size(g);
+      if (!std::isfinite(size)) return false;
+      result_.residual = size / loaded_.Scale(p.q, p.share);
+      if (result_.residual < kRest) return true;
+      const MatrixX K = loaded_.Tangent(p.q, p.lambda, p.share);
+      const VectorX step =
+          SolveClosed(mechanism_, loaded_, p.q, K, g, c, options_.locked, nullptr, size / kFirst).topRows(n);
+      if (!step.allFinite()) return false;
+      const double largest = step.cwiseQuotient(unit).cwiseAbs().maxCoeff();
+      p.q += (largest > 0.4 ? 0.4 / largest : 1.0) * step;
+    }
+    return false;
   }
 
   // Steps along the tangent, each corrected across it, until s = 1.

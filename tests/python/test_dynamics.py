@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 from conftest import SCENES
+from numpy.testing import assert_allclose
 from test_file_state import EVERYTHING, data_at, random_state
 
 import fork1s
@@ -164,4 +164,6 @@ def test_scenes_are_those_of_mujoco(name):
         turn, move = np.zeros((3, model.nv)), np.zeros((3, model.nv))
         mujoco.mj_jacBody(model, data, move, turn, index)
         assert_allclose(sim.jacobian(body), np.vstack([turn, move]), atol=1e-9)
-    assert_allclose(sim.gravity_forces, data.qfrc_gravcomp - data.qfrc_bias, atol=1e-9 * np.abs(M).max() * 9.81)
+    assert_allclose(
+        sim.gravity_forces, data.qfrc_gravcomp - data.qfrc_bias, atol=1e-9 * np.abs(M).max() * 9.81
+    )

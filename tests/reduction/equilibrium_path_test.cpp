@@ -118,5 +118,71 @@ TEST(EquilibriumPath, BeadIsHeldByThePrestressOfCables) {
   EXPECT_TRUE(result.tangent.IsStable());
 }
 
+// A bead on two cords that are taut, just so or slack where it starts, and slack in the equilibrium without load.
+TEST(EquilibriumPath, BeadOnCords_SlackWhereUnloaded_HangsByClosedForm) {
+  constexpr double kCord = 2000, kMass = 0.5, kSpan = 0.5, kLength = 0.6;  // N/m, kg, m: half of the span
+  double low = -2, high = -std::sqrt(kLength * kLength - kSpan * kSpan);   // where it hangs, and slack
+  for (int i = 0; i < 100; ++i) {
+    const double z = 0.5 * (low + high), length = std::hypot(kSpan, z);
+    (2 * kCord * (length - kLength) * -z / length > kMass * 9.81 ? low : high) = z;
+  }
+  for (const double start : {-0.1, -0.3316, -0.34, -0.5}) {
+    for (const bool turned : {false, true}) {
+      SCOPED_TRACE(std::to_string(start) + (turned ? " turned" : ""));
+      const Matrix3 R = turned ? ExpRotation(Vector3(0.4, -1.1, 0.7)) : Matrix3::Identity();
+      MechanismBuilder builder("bead");
+      BodyDef body;
+      body.name = "bead";
+      body.parent = builder.base();
+      body.X_PB = RigidTransform(Vector3(R * Vector3(0, 0, start)));
+      body.inertia = Ball(kMass, 0.03);
+      const BodyIndex bead = builder.AddBody(body);
+      Matrix6X screws = Matrix6X::Zero(6, 3);
+      screws.bottomRows<3>().setIdentity();
+      builder.AddJoint(JointDef::General("position", bead, screws));
+      builder.SetInterfaces({"bead"});
+      MechanismDef def = builder.definition();
+      for (const double side : {-1.0, 1.0}) {
+        const double length = std::hypot(kSpan, start);
+        PathDef cord;
+        cord.elements.resize(2);
+        cord.elements[0].body = builder.base();
+        cord.elements[0].X_BE = RigidTransform(Vector3(R * Vector3(kSpan * side, 0, 0)));
+        cord.elements[1].body = bead;
+        SpringDef spring;
+        spring.name = cord.name = side < 0 ? "left" : "right";
+        spring.stiffness = kCord;
+        spring.rest = -length;  // slack from a length of 0 to kLength
+        spring.slack = kLength;
+        spring.along.path = static_cast<int>(def.paths.size());
+        def.paths.push_back(cord);
+        def.springs.push_back(spring);
+      }
+      const auto m = Share(def);
+      StaticsOptions options;
+      options.gravity_R = R * Vector3(0, 0, -9.81);
+      const auto result = SolveStatics(*m, VectorX::Zero(3), {}, options);
+      ASSERT_TRUE(result.converged);
+      EXPECT_LT((result.q - R * Vector3(0, 0, low - start)).norm(), 1e-9);
+      EXPECT_TRUE(result.tangent.IsStable());
+    }
+  }
+}
+
+// Without anything that holds it there is no equilibrium.
+TEST(EquilibriumPath, BodyThatNothingHolds_DoesNotConverge) {
+  MechanismBuilder builder("stone");
+  BodyDef body;
+  body.name = "stone";
+  body.parent = builder.base();
+  body.inertia = Ball(1, 0.1);
+  const BodyIndex stone = builder.AddBody(body);
+  builder.AddJoint(JointDef::Slide("falls", stone, Vector3::UnitZ()));
+  builder.SetInterfaces({"stone"});
+  StaticsOptions options;
+  options.gravity_R = Vector3(0, 0, -9.81);
+  EXPECT_FALSE(SolveStatics(*Share(builder.definition()), VectorX::Zero(1), {}, options).converged);
+}
+
 }  // namespace
 }  // namespace fork1s
