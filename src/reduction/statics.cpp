@@ -92,8 +92,9 @@ class EquilibriumPath {
 
   StaticsResult Solve() {
     const PathPoint start = point_;
-    result_.converged = Start() && Follow();
-    if (!result_.converged && point_.share <= 1e-9) {
+    const bool starts = Start();
+    result_.converged = starts && Follow();
+    if (!starts || (!result_.converged && point_.share <= 1e-9)) {
       point_ = start;
       result_.converged = StartLoaded() && Follow();
     }

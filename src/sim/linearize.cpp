@@ -51,6 +51,9 @@ Reference ReferenceOf(const MechanismDynamics& m) {
   out.has_base = m.mechanism().base() == BaseKind::kFloating;
   out.X = m.state().X_WR;
   out.V = BaseTwist(m);
+  for (Eigen::Index k = 0; k < m.controls().size(); ++k)
+    if (m.HasDynamics(k)) out.controls.push_back(static_cast<int>(k));
+  out.activation = Entries(m.activation(), out.controls);
   return out;
 }
 
@@ -62,8 +65,12 @@ Reference ReferenceOf(const FreeBody& body) {
   return out;
 }
 
-// The state of a mechanism with its coordinates and rates moved by p and v.
-void Move(const Reference& from, const VectorX& p, const VectorX& v, MechanismState& state) {
+// The state of a mechanism with its coordinates, rates and activations moved by p, v and a.
+void Move(const Reference& from, const VectorX& p, const VectorX& v, const VectorX& a,
+          MechanismState& state) {
+  for (std::size_t k = 0; k < from.controls.size(); ++k)
+    state.activation(from.controls[k]) =
+        from.activation(static_cast<Eigen::Index>(k)) + a(static_cast<Eigen::Index>(k));
   const auto joints = from.q.size();
   if (joints > 0) {
     const ReducedModel& model = *state.model;
@@ -107,23 +114,23 @@ class Linearizer {
 
   Expected<LinearizedStep> Linearize() {
     List();
-    const auto n = static_cast<Eigen::Index>(out_.coordinates.size()), m = start_.controls.size();
-    const VectorX still = VectorX::Zero(2 * n);
+    const auto n = static_cast<Eigen::Index>(out_.coordinates.size()), m = start_.controls.size(),
+               size = change_.size();
+    const VectorX still = VectorX::Zero(size);
     VectorX u = start_.controls;
     StepReport report;
     if (auto done = Step(still, u, out_.c, report); !done) return tl::unexpected(done.error());
     at_rest_ = report;
-    out_.A.resize(2 * n, 2 * n);
-    out_.B.resize(2 * n, m);
-    out_.C.resize(static_cast<Eigen::Index>(out_.outputs.size()), 2 * n);
-    for (Eigen::Index k = 0; k < 2 * n; ++k) {
+    out_.A.resize(size, size);
+    out_.B.resize(size, m);
+    out_.C.resize(static_cast<Eigen::Index>(out_.outputs.size()), size);
+    for (Eigen::Index k = 0; k < size; ++k) {
       VectorX dx = still;
       const auto step = [&](double change, VectorX& next, StepReport& of) {
         dx(k) = change;
         return Step(dx, u, next, of);
       };
-      const std::string& name = out_.coordinates[static_cast<std::size_t>(k % n)];
-      if (auto done = Differentiate(step, change_(k), k < n ? name : "rate of " + name, out_.A.col(k)); !done)
+      if (auto done = Differentiate(step, change_(k), NameOf(k), out_.A.col(k)); !done)
         return tl::unexpected(done.error());
       out_.C.col(k).setZero();
       if (k < n && !options_.outputs.empty()) DifferentiateOutputs(k, out_.C.col(k));
@@ -143,9 +150,15 @@ class Linearizer {
   void GoBack() { Restore(start_); }
 
  private:
+  std::string NameOf(Eigen::Index k) const {
+    const auto n = out_.coordinates.size(), i = static_cast<std::size_t>(k);
+    if (i < n) return out_.coordinates[i];
+    return i < 2 * n ? "rate of " + out_.coordinates[i - n] : "activation of " + out_.activations[i - 2 * n];
+  }
+
   // Names, references and by how much each coordinate is moved.
   void List() {
-    std::vector<double> changes;
+    std::vector<double> changes, of_activations;
     const std::vector<std::string> names = simulation_.CoordinateNames();
     out_.num_joints = names.size();
     std::size_t first = 0;
@@ -156,6 +169,11 @@ class Linearizer {
         changes.push_back(std::sqrt(m.model().h_inverse(i)));
       }
       first += static_cast<std::size_t>(m.mechanism().num_coordinates());
+      for (std::size_t k = 0; k < reference.controls.size(); ++k) {
+        out_.activations.push_back(
+            m.mechanism().controls()[static_cast<std::size_t>(reference.controls[k])].name);
+        of_activations.push_back(std::max(1.0, std::abs(reference.activation(static_cast<Eigen::Index>(k)))));
+      }
       if (reference.has_base) Append(m.mechanism().bodies()[0].name, m.mechanism().length_scale(), changes);
     }
     for (const FreeBody& body : simulation_.world().free_bodies()) {
@@ -164,11 +182,13 @@ class Linearizer {
     }
     for (const int body : options_.outputs)
       NameSix(simulation_.bodies()[static_cast<std::size_t>(body)].name, out_.outputs);
-    const auto n = static_cast<Eigen::Index>(changes.size());
-    change_.resize(2 * n);
-    change_.head(n) = options_.change * Eigen::Map<const VectorX>(changes.data(), n);
+    const auto n = static_cast<Eigen::Index>(changes.size()),
+               k = static_cast<Eigen::Index>(of_activations.size());
     out_.dt = simulation_.dt();
-    change_.tail(n) = change_.head(n) / out_.dt;
+    change_.resize(2 * n + k);
+    change_.head(n) = options_.change * Eigen::Map<const VectorX>(changes.data(), n);
+    change_.segment(n, n) = change_.head(n) / out_.dt;
+    change_.tail(k) = options_.change * Eigen::Map<const VectorX>(of_activations.data(), k);
     out_.inputs = simulation_.control_names();
     out_.controls = start_.controls;
   }
@@ -181,15 +201,17 @@ class Linearizer {
   void MoveTo(const VectorX& dx, const VectorX& u) {
     Simulation::Snapshot moved = start_;
     moved.controls = u;
-    const auto n = dx.size() / 2;
-    Eigen::Index at = 0;
+    const auto n = static_cast<Eigen::Index>(out_.coordinates.size());
+    Eigen::Index at = 0, activation = 2 * n;
     const auto part = [&](const Reference& of) {
       const Eigen::Index first = std::exchange(at, at + SizeOf(of));
       return std::pair<VectorX, VectorX>(dx.segment(first, at - first), dx.segment(n + first, at - first));
     };
     for (std::size_t i = 0; i < out_.mechanisms.size(); ++i) {
       const auto [p, v] = part(out_.mechanisms[i]);
-      Move(out_.mechanisms[i], p, v, moved.world.mechanisms[i]);
+      const auto k = static_cast<Eigen::Index>(out_.mechanisms[i].controls.size());
+      Move(out_.mechanisms[i], p, v, dx.segment(activation, k), moved.world.mechanisms[i]);
+      activation += k;
     }
     for (std::size_t i = 0; i < out_.free_bodies.size(); ++i) {
       const auto [p, v] = part(out_.free_bodies[i]);
@@ -274,7 +296,7 @@ class Linearizer {
   const Simulation::Snapshot start_;
   LinearizedStep out_;
   StepReport at_rest_;  // of the step that is not moved
-  VectorX change_;      // 2n
+  VectorX change_;      // N
 };
 
 }  // namespace
@@ -288,8 +310,8 @@ bool LinearizedStep::IsOf(const Simulation& simulation) const {
 VectorX LinearizedStep::Deviation(const Simulation& simulation) const {
   FORK1S_REQUIRE(IsOf(simulation), "a simulation of another model than the one that was linearized");
   const auto n = static_cast<Eigen::Index>(coordinates.size());
-  VectorX dx(2 * n);
-  Eigen::Index at = 0;
+  VectorX dx(2 * n + static_cast<Eigen::Index>(activations.size()));
+  Eigen::Index at = 0, activation = 2 * n;
   const auto base = [&](const Reference& from, const RigidTransform& X, const Vector6& V) {
     dx.segment<6>(at) = PoseDeviation(X, from.X);
     dx.segment<6>(n + at) = V - from.V;
@@ -303,6 +325,9 @@ VectorX LinearizedStep::Deviation(const Simulation& simulation) const {
     dx.segment(n + at, joints) = Entries(m.configuration().Q_now * m.state().w, from.joints) - from.q_dot;
     at += joints;
     if (from.has_base) base(from, m.state().X_WR, BaseTwist(m));
+    const auto k = static_cast<Eigen::Index>(from.controls.size());
+    dx.segment(activation, k) = Entries(m.activation(), from.controls) - from.activation;
+    activation += k;
   }
   for (std::size_t i = 0; i < free_bodies.size(); ++i) {
     const FreeBody& body = simulation.world().free_bodies()[i];
@@ -319,13 +344,6 @@ Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOption
     if (body < 0 || body >= static_cast<int>(simulation.bodies().size()))
       return refuse(
           fmt::format("there is no body {}; bodies are 0 to {}", body, simulation.bodies().size() - 1));
-  for (int i = 0; i < static_cast<int>(simulation.scene().mechanisms.size()); ++i)
-    for (const ControlDef& control : simulation.given_mechanism(i).definition().controls)
-      if (control.dynamics != ControlDynamics::kNone)
-        return refuse(fmt::format(
-            "control '{}' has an activation, which is no coordinate of a linearized step; give the "
-            "actuator dyntype=\"none\"",
-            control.name));
   if (!simulation.holds().empty())
     return refuse("bodies are held by frozen contacts; let them go by another level of detail");
 

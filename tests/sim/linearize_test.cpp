@@ -1,6 +1,7 @@
 // A step to first order: against the matrix of the scheme itself, geometry, and motions that start beside the state.
 #include <cmath>
 #include <fork1s/sim/linearize.hpp>
+#include <functional>
 
 #include "linalg/solve.hpp"
 #include "mechanisms.hpp"
@@ -53,6 +54,7 @@ MatrixX SchemeMatrix(const MatrixX& J, Integrator integrator) {
 // A cart [1 kg] on springs with a rod [0.2 kg, 0.5 m] that stands on it, and a control of the cart.
 struct CartAndPole {
   double cart = 1, pole = 0.2, length = 0.5, k = 30, damping = 2, gain = 30;
+  double lag = 0;  // s, of the control
 
   Scene Make() const {
     MechanismBuilder builder("cart_and_pole");
@@ -72,6 +74,10 @@ struct CartAndPole {
     control.name = "drive";
     control.terms.emplace_back(FreedomRef{rail, 0}, 1.0);
     control.gain = gain;
+    if (lag > 0) {
+      control.dynamics = ControlDynamics::kLag;
+      control.time_constant = lag;
+    }
     builder.AddControl(control);
     builder.SetInterfaces({"cart", "pole"});
     return SceneOf(builder.definition());
@@ -116,6 +122,42 @@ TEST_P(LinearizeCart, PoleUpright_MatrixOfTheScheme) {
 }
 
 // Of random mechanisms and free bodies in motion: what a keyframe beside the state leads to.
+// [x, θ, ẋ, θ̇] after a step that begins at 0, with the activation by the share of the step.
+Vector4 StepUnderForce(const MatrixX& J, Integrator integrator,
+                       const std::function<double(double)>& activation) {
+  const MatrixX Z = J.topLeftCorner(4, 4) * kStep, one = MatrixX::Identity(4, 4);
+  const VectorX b = J.col(4).head(4) * kStep;
+  if (integrator == Integrator::kEuler) return SolveSquare(one - Z, MatrixX(b * activation(1))).col(0);
+  const double gamma = 1 - std::sqrt(0.5);
+  const MatrixX k1 = SolveSquare(one - gamma * Z, MatrixX(b * activation(gamma))),
+                k2 = SolveSquare(one - gamma * Z, MatrixX(b * activation(1) + (1 - gamma) * Z * k1));
+  return (1 - gamma) * k1 + gamma * k2;
+}
+
+TEST_P(LinearizeCart, LaggedControl_ActivationIsPartOfTheState) {
+  CartAndPole cart;
+  cart.lag = 0.1;
+  Simulation simulation = StartFrom(cart.Make(), GetParam());
+  const LinearizedStep step = LinearizeOrThrow(simulation);
+  EXPECT_EQ(step.activations, std::vector<std::string>{"drive"});
+  ASSERT_EQ(step.A.rows(), 5);
+  const auto decay = [&](double share) { return std::exp(-share * kStep / cart.lag); };
+  const auto rise = [&](double share) { return 1 - decay(share); };
+  EXPECT_NEAR(step.A(4, 4), decay(1), 1e-9);
+  EXPECT_NEAR(step.B(4, 0), rise(1), 1e-9);
+  EXPECT_EQ(step.A.row(4).head(4).norm(), 0);
+  const Vector4 units(1, 1, kStep, kStep);  // and the tolerance as above
+  const auto error = [&](const VectorX& column, const std::function<double(double)>& activation) {
+    const Vector4 expected = StepUnderForce(cart.Jacobian(), GetParam(), activation);
+    return units.cwiseProduct(column.head(4) - expected).cwiseAbs().maxCoeff();
+  };
+  EXPECT_LT(error(step.A.col(4), decay), 3e-7);
+  EXPECT_LT(error(step.B.col(0), rise), 3e-7);
+  simulation.SetControl("drive", 0.5);
+  simulation.Step();
+  EXPECT_NEAR(step.Deviation(simulation)(4), 0.5 * rise(1), 1e-12);
+}
+
 TEST(Linearize, RandomMechanismsInMotion_StepsFromKeyframesBeside) {
   for (unsigned seed = 1; seed <= 12; ++seed) {
     SCOPED_TRACE(seed);

@@ -46,22 +46,24 @@ void BindLinearize(nb::module_& m, nb::class_<Runner>& simulation) {
 
     dx' = c + A dx + B du,    dy = C dx,    c = f(x*, u*) - x*
 
-dx = [dp, dv] counts from x*. dp: of every mechanism independent joint coordinates, rad or m, as many as it has
+dx = [dp, dv, da] counts from x*. dp: of every mechanism independent joint coordinates, rad or m, as many as it has
 freedoms, then of a floating base its rotation vector and the displacement of its origin, world axes; of every
-free body the same six. dv: their rates, of rotations the angular velocity.)")
+free body the same six. dv: their rates, of rotations the angular velocity. da: activations of controls with
+dynamics, k of them; N = 2n + k.)")
       .def_ro("dt", &LinearizedStep::dt, "s")
       .def_ro("coordinates", &LinearizedStep::coordinates, "(n) names, of dp and of dv.")
+      .def_ro("activations", &LinearizedStep::activations, "(k) names of controls, of da.")
       .def_ro("inputs", &LinearizedStep::inputs, "(m) names of controls.")
       .def_ro("outputs", &LinearizedStep::outputs, "(l) names, six of every body asked for.")
       .def_prop_ro(
-          "A", [](const LinearizedStep& s) { return OwnMatrix(s.A); }, "(2n, 2n)", kOwn)
+          "A", [](const LinearizedStep& s) { return OwnMatrix(s.A); }, "(N, N)", kOwn)
       .def_prop_ro(
-          "B", [](const LinearizedStep& s) { return OwnMatrix(s.B); }, "(2n, m)", kOwn)
+          "B", [](const LinearizedStep& s) { return OwnMatrix(s.B); }, "(N, m)", kOwn)
       .def_prop_ro(
-          "c", [](const LinearizedStep& s) { return OwnVector(s.c); }, "(2n,) 0 at rest.", kOwn)
+          "c", [](const LinearizedStep& s) { return OwnVector(s.c); }, "(N,) 0 at rest.", kOwn)
       .def_prop_ro(
           "C", [](const LinearizedStep& s) { return OwnMatrix(s.C); },
-          "(l, 2n): rotation vector [rad] and displacement [m] of the bodies asked for, world axes.", kOwn)
+          "(l, N): rotation vector [rad] and displacement [m] of the bodies asked for, world axes.", kOwn)
       .def_prop_ro(
           "controls", [](const LinearizedStep& s) { return OwnVector(s.controls); }, "(m,) u*", kOwn)
       .def_ro(
@@ -73,7 +75,7 @@ free body the same six. dv: their rates, of rotations the angular velocity.)")
       .def(
           "deviation", [](const LinearizedStep& s, Runner& r) { return OwnVector(Deviation(s, r)); },
           nb::arg("simulation"),
-          "(2n,) dx of the present state of a simulation of the same model: a feedback sets u* - K dx. Raises "
+          "(N,) dx of the present state of a simulation of the same model: a feedback sets u* - K dx. Raises "
           "UsageError.",
           kOwn)
       .def("__repr__", [](const LinearizedStep& s) {
@@ -86,7 +88,7 @@ free body the same six. dv: their rates, of rotations the angular velocity.)")
       R"(The next step to first order about the present state and controls (`LinearizedStep`), pushes left out.
 
 outputs: names of bodies whose poses are outputs. change: by how much coordinates are moved, rad or shares of a
-length. By central differences of whole steps at two changes, extrapolated, each solved to rounding: 8 n + 4 m + 1
+length. By central differences of whole steps at two changes, extrapolated, each solved to rounding: 4 N + 4 m + 1
 steps. The simulation is left bit by bit as it was. Raises UnknownNameError, UsageError, and NumericsError where
 a step is not solved.)",
       nb::sig("def linearize(self, outputs: collections.abc.Sequence[str] = (), *, change: float = 1e-06) -> "

@@ -16,20 +16,21 @@ struct LinearizeOptions {
 
 /// A step x' = f(x, u) of length dt about the state x* and the held controls u* of a simulation:
 ///     δx' = c + A δx + B δu,   δy = C δx,   c = f(x*, u*) ⊖ x*
-/// δx = [δp; δv] counts from x*. δp: for every mechanism independent joint coordinates [rad or m], as many as it has
+/// δx = [δp; δv; δa] counts from x*. δp: for every mechanism independent joint coordinates [rad or m], as many as it has
 /// freedoms, and of a base that floats its rotation vector [rad] and the displacement of its origin [m]; for every
-/// free body the same six; world axes. δv: their rates, of rotations the angular velocity. δu: of all controls. δy:
-/// of every output six as of a free body.
+/// free body the same six; world axes. δv: their rates, of rotations the angular velocity. δa: activations of controls
+/// with dynamics. δu: of all controls. δy: of every output six as of a free body.
 struct LinearizedStep {
   double dt = 0;                         // s
   std::size_t num_joints = 0;            // joint coordinates of the scene
   std::vector<std::string> coordinates;  // n names, of δp and of δv: "elbow", "drone.rx", "ball.z"
+  std::vector<std::string> activations;  // k names of controls, of δa
   std::vector<std::string> inputs;       // m: Simulation::control_names()
   std::vector<std::string> outputs;      // l: "cup.rx"
-  MatrixX A;                             // 2n x 2n
-  MatrixX B;                             // 2n x m
-  VectorX c;                             // 2n: 0 where the state is at rest
-  MatrixX C;                             // l x 2n
+  MatrixX A;                             // N x N, N = 2n + k
+  MatrixX B;                             // N x m
+  VectorX c;                             // N: 0 where the state is at rest
+  MatrixX C;                             // l x N
   VectorX controls;                      // m: u*
   /// Shares by which differences to both sides of a column of A and B differ from each other: those that do by more
   /// than 0.01 stand on a switch, where a contact or stop opens, friction begins to slide, or a force meets its bound,
@@ -47,7 +48,7 @@ struct LinearizedStep {
 
   /// Whether a simulation has as many mechanisms, free bodies and joint coordinates.
   bool IsOf(const Simulation& simulation) const;
-  /// δx of a state of the same scene, [2n]: what a feedback u = u* - K δx asks of each step. Throws
+  /// δx of a state of the same scene, [N]: what a feedback u = u* - K δx asks of each step. Throws
   /// std::invalid_argument where IsOf is false.
   VectorX Deviation(const Simulation& simulation) const;
 
@@ -58,14 +59,16 @@ struct LinearizedStep {
     bool has_base = false;    // six of a floating base, or of a free body
     RigidTransform X;
     Vector6 V = Vector6::Zero();  // world axes, of the origin
+    std::vector<int> controls;    // of the mechanism, with dynamics
+    VectorX activation;           // of those
   };
   std::vector<Reference> mechanisms, free_bodies;
 };
 
-/// By central differences of whole steps, at two changes and extrapolated: 8 n + 4 m + 1 steps, each solved to rounding.
+/// By central differences of whole steps, at two changes and extrapolated: 4 N + 4 m + 1 steps, each solved to rounding.
 /// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
 /// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
-/// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01], for controls with dynamics,
+/// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01],
 /// and while bodies are held by frozen contacts; kNumerics where a step is not solved.
 Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options = {});
 
