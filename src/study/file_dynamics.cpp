@@ -8,6 +8,11 @@
 namespace fork1s {
 namespace {
 
+bool HasDynamics(const Mechanism& mechanism, Eigen::Index control) {
+  return mechanism.definition().controls[static_cast<std::size_t>(control)].dynamics !=
+         ControlDynamics::kNone;
+}
+
 KeyframeDef WithoutVelocities(KeyframeDef state) {
   for (KeyframeDef::MechanismState& m : state.mechanisms) {
     m.q_dot.setZero();
@@ -26,17 +31,23 @@ FileDynamics::FileDynamics(const Simulation& simulation, const std::vector<FileJ
     : simulation_(simulation) {
   const Scene& scene = simulation.scene();
   KeyframeDef state = WithoutVelocities(simulation.State());
-  Eigen::Index size = 0;
+  Eigen::Index size = 0, first_control = 0;
   for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
     const Mechanism& mechanism = simulation.given_mechanism(static_cast<int>(i));
+    const auto num_controls = static_cast<Eigen::Index>(mechanism.controls().size());
     Part part{&mechanism,
               Kinematics(mechanism),
               state.mechanisms[i].q,
+              simulation.controls().segment(first_control, num_controls),
               state.mechanisms[i].X_WR,
               mechanism.base() == BaseKind::kFloating,
               size};
     ComputeKinematics(mechanism, part.q, part.kinematics);
+    const VectorX& activation = state.mechanisms[i].activation;
+    for (Eigen::Index k = 0; k < activation.size(); ++k)
+      if (HasDynamics(mechanism, k)) part.controls(k) = activation(k);
     size += part.size();
+    first_control += num_controls;
     parts_.push_back(std::move(part));
   }
   first_free_body_ = size;
@@ -139,14 +150,6 @@ VectorX FileDynamics::ComputeGravityForce() const {
   return to_natural_.transpose() * f;
 }
 
-VectorX FileDynamics::ControlsOf(std::size_t mechanism) const {
-  Eigen::Index first = 0;
-  for (std::size_t i = 0; i < mechanism; ++i)
-    first += static_cast<Eigen::Index>(parts_[i].mechanism->controls().size());
-  return simulation_.controls().segment(
-      first, static_cast<Eigen::Index>(parts_[mechanism].mechanism->controls().size()));
-}
-
 void FileDynamics::AddSpringAndControlForce(const Part& part, const VectorX& controls, VectorX& f) const {
   const Mechanism& m = *part.mechanism;
   VectorX tau = VectorX::Zero(part.q.size());
@@ -164,7 +167,7 @@ void FileDynamics::AddSpringAndControlForce(const Part& part, const VectorX& con
 
 VectorX FileDynamics::ComputeSpringAndControlForce() const {
   VectorX f = VectorX::Zero(size());
-  for (std::size_t i = 0; i < parts_.size(); ++i) AddSpringAndControlForce(parts_[i], ControlsOf(i), f);
+  for (const Part& part : parts_) AddSpringAndControlForce(part, part.controls, f);
   return to_natural_.transpose() * f;
 }
 
@@ -218,7 +221,9 @@ HoldingControls FileDynamics::ComputeHoldingControls() const {
       for (Eigen::Index k = 0; k < num_controls; ++k) {
         if (is_fixed[static_cast<std::size_t>(k)]) continue;
         const Mechanism::Control& control = m.controls()[static_cast<std::size_t>(k)];
-        u(k) = std::clamp(x(k), control.lower, control.upper);
+        const ControlDef& def = m.definition().controls[static_cast<std::size_t>(k)];
+        u(k) = HasDynamics(m, k) ? std::clamp(x(k), def.activation_lower, def.activation_upper)
+                                 : std::clamp(x(k), control.lower, control.upper);
         if (u(k) == x(k)) continue;
         is_fixed[static_cast<std::size_t>(k)] = changed = true;
       }

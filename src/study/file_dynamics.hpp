@@ -15,7 +15,9 @@ namespace fork1s {
 
 /// Controls that hold a state at rest, as nearly as least squares find.
 struct HoldingControls {
-  VectorX controls;  // of the mechanisms, in the order of Simulation::control_names(), within their limits
+  // Of the mechanisms, in the order of Simulation::control_names(), within their limits; of those with dynamics the
+  // activation.
+  VectorX controls;
   VectorX residual;  // N or N·m on each velocity of the file, what no control and no loop balances
 };
 
@@ -32,8 +34,8 @@ class FileDynamics {
   MatrixX ComputeJacobian(int body, const Vector3& point_B) const;
   /// n, N and N·m: of gravity on all bodies, less what is compensated.
   VectorX ComputeGravityForce() const;
-  /// n: of springs and of what servos hold: the stiffness of joints and tendons, and controls at their set-points
-  /// within their bounds of force; without dampers.
+  /// n: of springs and of what servos hold: the stiffness of joints and tendons, and controls at their set-points, or
+  /// activations where they have dynamics, within their bounds of force; without dampers.
   VectorX ComputeSpringAndControlForce() const;
   /// Which controls make the forces of springs, controls and gravity vanish in the present pose, with rigid loops as they
   /// are closed and without contact.
@@ -46,6 +48,7 @@ class FileDynamics {
     const Mechanism* mechanism = nullptr;
     Kinematics kinematics;
     VectorX q;
+    VectorX controls;  // of those with dynamics their activations
     RigidTransform X_WR;
     bool floats = false;
     Eigen::Index first = 0;  // natural velocity
@@ -53,7 +56,6 @@ class FileDynamics {
     Eigen::Index first_joint() const { return first + (floats ? 6 : 0); }
   };
   void AddSpringAndControlForce(const Part& part, const VectorX& controls, VectorX& f) const;
-  VectorX ControlsOf(std::size_t mechanism) const;
 
   const Simulation& simulation_;
   std::vector<Part> parts_;           // per mechanism of the scene

@@ -142,6 +142,22 @@ def test_loops_carry_what_they_can(gripper):
     assert_allclose(sim.qpos[: residual.size - 6], before, atol=1e-6)
 
 
+def test_controls_with_dynamics_push_by_their_activations():
+    xml = ARM.replace('<motor name="a"', '<general name="a" dyntype="filterexact" dynprm="0.2" gainprm="1"')
+    sim = fork1s.Simulation(fork1s.load(xml))
+    assert sim.activations == {"a": 0.0}
+    sim.controls["a"] = 2.0
+    sim.step(6)
+    assert sim.activations["a"] == pytest.approx(2 * (1 - np.exp(-6 * sim.dt / 0.2)), rel=1e-12)
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qpos[:] = sim.qpos
+    data.ctrl[:] = list(sim.controls.values())
+    data.act[:] = sim.activations["a"]
+    mujoco.mj_forward(model, data)
+    assert_allclose(sim.spring_and_control_forces, data.qfrc_actuator + data.qfrc_spring, rtol=1e-9)
+
+
 def test_misuse_is_refused(sim):
     with pytest.raises(fork1s.UnknownNameError, match="no body 'hand'; there are: world, arm"):
         sim.jacobian("hand")

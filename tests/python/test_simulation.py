@@ -95,6 +95,9 @@ def test_controls_are_a_mapping(gripper):
     assert sim.controls["right_grip"] == 0.5  # its limit
     sim.controls.update({"left_grip": 0.1, "right_grip": -0.1})
     assert dict(sim.controls.items()) == {"left_grip": 0.1, "right_grip": -0.1}
+    assert list(sim.controls.values()) == [0.1, -0.1]
+    assert sim.controls.get("left_grip") == 0.1
+    assert sim.controls.get("thumb") is None and sim.controls.get("thumb", 2) == 2
     assert_allclose(sim.control_values, [0.1, -0.1])
     sim.control_values = [0.2, 0.3]
     assert_allclose(sim.control_values, [0.2, 0.3])

@@ -81,6 +81,22 @@ rad or m for position servos, N or N·m for motors. A driven base has six of its
               },
               nb::sig("def items(self) -> list[tuple[str, float]]"))
           .def(
+              "values",
+              [](const Controls& c) {
+                std::vector<double> values;
+                for (const std::string& name : Names(c)) values.push_back(Get(c, name));
+                return values;
+              },
+              "In the order of `keys`.")
+          .def(
+              "get",
+              [](const Controls& c, const std::string& name, const nb::object& otherwise) {
+                const bool is_there = c.runner->With([&](Simulation& s) { return s.FindControl(name) >= 0; });
+                return is_there ? nb::cast(Get(c, name)) : otherwise;
+              },
+              nb::arg("name"), nb::arg("default") = nb::none(),
+              nb::sig("def get(self, name: str, default: object = None) -> object"))
+          .def(
               "update",
               [](const Controls& c, const nb::dict& values) {
                 for (const auto& [name, value] : values)

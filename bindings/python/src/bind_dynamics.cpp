@@ -1,6 +1,7 @@
 // Mass matrix, Jacobians and forces of a simulation, for controllers.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/vector.h>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include "text.hpp"
 
 #include "arrays.hpp"
@@ -22,6 +23,20 @@ Array JacobianOf(Runner& runner, const std::string& body, const nb::object& poin
   const int index = runner.FindBody(body);
   const Vector3 point_B = ReadOrZero(point, "point");
   return OwnMatrix(Ask(runner, [&](const FileDynamics& d) { return d.ComputeJacobian(index, point_B); }));
+}
+
+nb::dict ActivationsOf(Runner& runner) {
+  const auto all = runner.With([](Simulation& s) {
+    std::vector<std::pair<std::string, double>> found;
+    for (const MechanismDynamics& m : s.world().mechanisms())
+      for (Eigen::Index k = 0; k < m.controls().size(); ++k)
+        if (m.HasDynamics(k))
+          found.emplace_back(m.mechanism().controls()[static_cast<std::size_t>(k)].name, m.activation()(k));
+    return found;
+  });
+  nb::dict out;
+  for (const auto& [name, value] : all) out[name.c_str()] = value;
+  return out;
 }
 
 nb::tuple HoldingControlsOf(Runner& runner) {
@@ -81,6 +96,11 @@ void BindDynamics(nb::class_<Runner>& simulation) {
       "joint, and of a free joint .x .y .z (world axes), of free and ball joints .rx .ry .rz (axes "
       "of the body).");
   simulation.def_prop_ro(
+      "activations", ActivationsOf,
+      "Name -> activation of the controls that have dynamics: what their force is proportional to, in units of the "
+      "control, or of the control times s where it is integrated.",
+      nb::sig("def activations(self) -> dict[str, float]"));
+  simulation.def_prop_ro(
       "mass_matrix",
       [](Runner& r) {
         return OwnMatrix(Ask(r, [](const FileDynamics& d) { return d.ComputeMassMatrix(); }));
@@ -116,7 +136,8 @@ void BindDynamics(nb::class_<Runner>& simulation) {
       [](Runner& r) {
         return OwnVector(Ask(r, [](const FileDynamics& d) { return d.ComputeSpringAndControlForce(); }));
       },
-      "(nv,) generalized forces of springs, servos and motors at the set-points of now, within their bounds of force, "
+      "(nv,) generalized forces of springs, servos and motors at the set-points of now, or the activations of those with "
+      "dynamics, within their bounds of force, "
       "without dampers; N and N·m. Springs and the stiffness of servos act as one; `actuator_forces` has single "
       "actuators.",
       kOwn);
@@ -124,7 +145,7 @@ void BindDynamics(nb::class_<Runner>& simulation) {
       "holding_controls", HoldingControlsOf,
       "Which set-points hold the present pose at rest against gravity and springs, without contact: (controls, "
       "residual).\n\ncontrols: name -> value within its limits, of mechanisms, not of driven bases, by least squares; the "
-      "smallest where several do. residual: (nv,) N and N·m that no control and no closed loop balances: 0 where the pose "
+      "smallest where several do; of controls with dynamics the activation that does. residual: (nv,) N and N·m that no control and no closed loop balances: 0 where the pose "
       "is held. Bounds of force are counted in the residual.",
       nb::sig("def holding_controls(self) -> tuple[dict[str, float], numpy.typing.NDArray[numpy.float64]]"));
 }
