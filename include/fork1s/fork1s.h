@@ -132,7 +132,7 @@ enum {
 fork1s_status fork1s_simulation_step(fork1s_simulation* simulation, int32_t steps, int32_t controls,
                                      fork1s_report* report);
 
-/* Since the simulation was made, in s; the time step in s; steps made since the state was set or the beginning. */
+/* s since the simulation was made; the time step in s. */
 fork1s_status fork1s_simulation_time(const fork1s_simulation* simulation, double* time);
 fork1s_status fork1s_simulation_dt(const fork1s_simulation* simulation, double* dt);
 /* J; either may be NULL. Potential energy is that of springs, servos and gravity. */
@@ -178,6 +178,76 @@ fork1s_status fork1s_simulation_velocities(const fork1s_simulation* simulation, 
  * of the body that is at `point` now; NULL: its origin. `force` or `torque` may be NULL: none. Pushes add up. */
 fork1s_status fork1s_simulation_push(fork1s_simulation* simulation, int32_t body, const double force[3],
                                      const double torque[3], const double point[3]);
+
+/* Joints of the file that move, in its order and by MuJoCo's conventions. Positions: hinge and slide as the file counts
+ * them, rad or m; ball a unit quaternion of the body relative to where its joint hangs; free the position of the body
+ * and its quaternion. Velocities: hinge and slide a rate; ball the angular velocity in axes of the body; free the
+ * velocity of the body's origin in world axes, then its angular velocity in axes of the body. */
+enum { FORK1S_JOINT_FREE = 0, FORK1S_JOINT_BALL = 1, FORK1S_JOINT_SLIDE = 2, FORK1S_JOINT_HINGE = 3 };
+typedef struct fork1s_joint {
+  const char* name;
+  int32_t kind;                          /* FORK1S_JOINT_... */
+  int32_t first_position, num_positions; /* among those of all joints */
+  int32_t first_velocity, num_velocities;
+} fork1s_joint;
+fork1s_status fork1s_simulation_num_joints(const fork1s_simulation* simulation, int32_t* count);
+fork1s_status fork1s_simulation_joint(const fork1s_simulation* simulation, int32_t index,
+                                      fork1s_joint* joint);
+fork1s_status fork1s_simulation_find_joint(const fork1s_simulation* simulation, const char* name,
+                                           int32_t* index);
+fork1s_status fork1s_simulation_num_joint_positions(const fork1s_simulation* simulation, int32_t* count);
+fork1s_status fork1s_simulation_num_joint_velocities(const fork1s_simulation* simulation, int32_t* count);
+fork1s_status fork1s_simulation_joint_positions(const fork1s_simulation* simulation, double* positions,
+                                                size_t length);
+fork1s_status fork1s_simulation_joint_velocities(const fork1s_simulation* simulation, double* velocities,
+                                                 size_t length);
+/* Goes on from another state; NULL with length 0: these stay. Loops that positions leave open are closed by the smallest
+ * change. Controls stay; those of a driven base count from its new pose. Contacts are found anew and the time goes on.
+ * Takes milliseconds. */
+fork1s_status fork1s_simulation_set_joint_state(fork1s_simulation* simulation, const double* positions,
+                                                size_t num_positions, const double* velocities,
+                                                size_t num_velocities);
+/* Largest difference, rad or m, between a joint coordinate as it was set last and what it became when loops were
+ * closed; 0 where none was set. */
+fork1s_status fork1s_simulation_state_change(const fork1s_simulation* simulation, double* change);
+
+/* Sensors of the file: their values at the end of the last step, NaN where there are none. */
+typedef struct fork1s_sensor {
+  const char* name;
+  const char* missing; /* why it has no values here; "" where it has */
+  int32_t first_value, num_values;
+} fork1s_sensor;
+fork1s_status fork1s_simulation_num_sensors(const fork1s_simulation* simulation, int32_t* count);
+fork1s_status fork1s_simulation_sensor(const fork1s_simulation* simulation, int32_t index,
+                                       fork1s_sensor* sensor);
+fork1s_status fork1s_simulation_find_sensor(const fork1s_simulation* simulation, const char* name,
+                                            int32_t* index);
+fork1s_status fork1s_simulation_num_sensor_values(const fork1s_simulation* simulation, int32_t* count);
+fork1s_status fork1s_simulation_sensor_values(const fork1s_simulation* simulation, double* values,
+                                              size_t length);
+
+/* A contact point that bears force, of the last step. */
+typedef struct fork1s_contact {
+  int32_t body_a, body_b; /* -1: the still world */
+  double point[3];
+  double normal[3]; /* from a to b */
+  double force[3];  /* on b, mean of the step */
+  double torque[3]; /* on b about the point, of torsional and rolling friction */
+  double gap;       /* m, negative in penetration, as the step found it */
+  double friction;  /* coefficient */
+} fork1s_contact;
+fork1s_status fork1s_simulation_num_contacts(const fork1s_simulation* simulation, int32_t* count);
+/* Into the first `*count` of an array of `length`, which is refused where it is shorter than that. */
+fork1s_status fork1s_simulation_contacts(const fork1s_simulation* simulation, fork1s_contact* contacts,
+                                         size_t length, int32_t* count);
+
+/* A moment to come back to: state, controls, pushes of the next call and time. Steps from there give the same bits. */
+fork1s_status fork1s_simulation_save(const fork1s_simulation* simulation, fork1s_snapshot** snapshot);
+/* To a moment of this simulation or of another one of the same fork1s_model and dt. */
+fork1s_status fork1s_simulation_restore(fork1s_simulation* simulation, const fork1s_snapshot* snapshot);
+void fork1s_snapshot_free(fork1s_snapshot* snapshot);
+/* To the moment at which it was made. */
+fork1s_status fork1s_simulation_reset(fork1s_simulation* simulation);
 
 #ifdef __cplusplus
 }

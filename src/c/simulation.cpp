@@ -58,6 +58,18 @@ std::vector<Limits> ControlRanges(const Simulation& simulation) {
   return ranges;
 }
 
+std::vector<SensorPlace> FindSensors(Run& run) {
+  const Sensors& sensors = run.sensors.emplace(run.simulation);
+  std::vector<SensorPlace> places;
+  int first = 0;
+  for (int i = 0; i < sensors.count(); ++i) {
+    const auto count = static_cast<int>(sensors[i].size());
+    places.push_back({sensors.definition(i).name, sensors.definition(i).reason, first, count});
+    first += count;
+  }
+  return places;
+}
+
 void Add(const StepReport& step, fork1s_report& all) {
   all.steps += step.finite ? 1 : 0;
   all.contacts = step.contacts;
@@ -113,11 +125,13 @@ fork1s_status fork1s_simulation_create(const fork1s_model* model, const char* op
     RequireGiven(simulation, "simulation");
     const Model& from = *model->model;
     Simulation made = Take(Simulation::Create(from.imported.scene, OptionsOf(from, options)), from.origin);
-    Run run{model->model, std::move(made), {}, {}, {}, {}, {}};
+    Run run(model->model, std::move(made));
     for (const fork1s::SceneBody& body : run.simulation.bodies()) run.body_names.push_back(body.name);
     run.control_names = run.simulation.control_names();
     run.warnings = run.simulation.warnings();
     run.control_ranges = ControlRanges(run.simulation);
+    run.sensor_places = FindSensors(run);
+    run.start = Save(run);
     *simulation = new fork1s_simulation{std::move(run)};
   });
 }
@@ -156,7 +170,7 @@ fork1s_status fork1s_simulation_step(fork1s_simulation* simulation, int32_t step
 fork1s_status fork1s_simulation_time(const fork1s_simulation* simulation, double* time) {
   return GuardRun(__func__, simulation, [&](const Run& run) {
     RequireGiven(time, "time");
-    *time = run.simulation.time();
+    *time = run.time();
   });
 }
 

@@ -5,9 +5,12 @@
 
 #include <atomic>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calls.hpp"
@@ -26,16 +29,45 @@ struct Limits {
   double lower = 0, upper = 0;
 };
 
+struct Moment {
+  std::shared_ptr<const Model> model;
+  Simulation::Snapshot simulation;
+  double dt = 0;            // s
+  double time_before = 0;   // s
+  double state_change = 0;  // rad or m
+  std::vector<BodyPush> pushes;
+};
+
+struct SensorPlace {
+  std::string name, reason;
+  int first = 0, count = 0;  // values
+};
+
 struct Run {
+  Run(std::shared_ptr<const Model> of, Simulation made) : model(std::move(of)), simulation(std::move(made)) {}
+
   std::shared_ptr<const Model> model;
   Simulation simulation;
   // As it was made: text that is handed out lives as long as this.
   std::vector<std::string> body_names, control_names, warnings;
   std::vector<Limits> control_ranges;
-  std::vector<BodyPush> pushes;  // of the next call
+  std::vector<SensorPlace> sensor_places;
+  std::vector<BodyPush> pushes;            // of the next call
+  double time_before = 0;                  // s, of simulations that a state set took the place of
+  double state_change = 0;                 // rad or m
+  mutable std::optional<Sensors> sensors;  // as they were evaluated last
+  Moment start;                            // as it was made
+
+  double time() const { return time_before + simulation.time(); }
 };
 
+Moment Save(const Run& run);
+
 }  // namespace fork1s::c
+
+struct fork1s_snapshot {
+  fork1s::c::Moment moment;
+};
 
 struct fork1s_simulation {
   fork1s::c::Run run;

@@ -198,10 +198,71 @@ static void test_controls_and_bodies(const char* folder) {
   free(numbers);
 }
 
+static void test_state(const char* folder) {
+  fork1s_model* model = load(folder, "two_link_arm.xml");
+  fork1s_simulation* s = NULL;
+  fork1s_snapshot* snapshot = NULL;
+  fork1s_joint joint;
+  fork1s_sensor sensor;
+  fork1s_contact contact;
+  int32_t count = -1, at = -1;
+  double two[2] = {0.1, -0.2}, number = -1;
+  EXPECT(fork1s_simulation_create(model, NULL, &s) == FORK1S_OK);
+  fork1s_model_free(model);
+  EXPECT(fork1s_simulation_num_joints(s, &count) == FORK1S_OK && count == 2);
+  EXPECT(fork1s_simulation_joint(s, 1, &joint) == FORK1S_OK && strcmp(joint.name, "elbow") == 0);
+  EXPECT(joint.kind == FORK1S_JOINT_HINGE && joint.first_position == 1 && joint.num_velocities == 1);
+  EXPECT(fork1s_simulation_find_joint(s, "elbow", &at) == FORK1S_OK && at == 1);
+  EXPECT(fork1s_simulation_num_joint_positions(s, &count) == FORK1S_OK && count == 2);
+  EXPECT(fork1s_simulation_num_joint_velocities(s, &count) == FORK1S_OK && count == 2);
+  EXPECT(fork1s_simulation_set_joint_state(s, two, 2, NULL, 0) == FORK1S_OK);
+  two[0] = two[1] = 7;
+  EXPECT(fork1s_simulation_joint_positions(s, two, 2) == FORK1S_OK);
+  EXPECT(fabs(two[0] - 0.1) < 1e-15 && fabs(two[1] + 0.2) < 1e-15);
+  EXPECT(fork1s_simulation_joint_velocities(s, two, 2) == FORK1S_OK && two[0] == 0 && two[1] == 0);
+  EXPECT(fork1s_simulation_state_change(s, &number) == FORK1S_OK && number < 1e-15);
+  REFUSED(fork1s_simulation_joint(s, 2, &joint), "joint 2 of 2");
+  REFUSED(fork1s_simulation_joint(s, 0, NULL), "joint is NULL");
+  REFUSED(fork1s_simulation_find_joint(s, "knee", &at), "there is no joint that moves 'knee'");
+  REFUSED(fork1s_simulation_joint_positions(s, two, 1), "positions has length 1 and needs 2");
+  REFUSED(fork1s_simulation_joint_velocities(s, NULL, 2), "velocities is NULL");
+  REFUSED(fork1s_simulation_set_joint_state(s, two, 1, NULL, 0), "positions has length 1 and needs 2");
+  REFUSED(fork1s_simulation_set_joint_state(s, NULL, 2, NULL, 0), "positions is NULL");
+  two[1] = NAN;
+  REFUSED(fork1s_simulation_set_joint_state(s, NULL, 0, two, 2),
+          "velocities must be finite, and entry 1 is nan");
+
+  EXPECT(fork1s_simulation_num_sensors(s, &count) == FORK1S_OK && count == 0);
+  EXPECT(fork1s_simulation_num_sensor_values(s, &count) == FORK1S_OK && count == 0);
+  EXPECT(fork1s_simulation_sensor_values(s, NULL, 0) == FORK1S_OK);
+  REFUSED(fork1s_simulation_sensor_values(s, two, 2), "values has length 2 and needs 0");
+  REFUSED(fork1s_simulation_sensor(s, 0, &sensor), "sensor 0 of 0");
+  REFUSED(fork1s_simulation_find_sensor(s, "gyro", &at), "there is no sensor 'gyro'");
+
+  EXPECT(fork1s_simulation_num_contacts(s, &count) == FORK1S_OK && count == 0);
+  EXPECT(fork1s_simulation_contacts(s, NULL, 0, &count) == FORK1S_OK && count == 0);
+  EXPECT(fork1s_simulation_contacts(s, &contact, 1, &count) == FORK1S_OK && count == 0);
+  REFUSED(fork1s_simulation_contacts(s, &contact, 1, NULL), "count is NULL");
+
+  fork1s_snapshot_free(NULL);
+  REFUSED(fork1s_simulation_save(s, NULL), "snapshot is NULL");
+  REFUSED(fork1s_simulation_restore(s, NULL), "snapshot is NULL");
+  EXPECT(fork1s_simulation_save(s, &snapshot) == FORK1S_OK);
+  EXPECT(fork1s_simulation_step(s, 10, FORK1S_HOLD, NULL) == FORK1S_OK);
+  EXPECT(fork1s_simulation_restore(s, snapshot) == FORK1S_OK);
+  EXPECT(fork1s_simulation_joint_positions(s, two, 2) == FORK1S_OK && fabs(two[0] - 0.1) < 1e-15);
+  EXPECT(fork1s_simulation_reset(s) == FORK1S_OK);
+  EXPECT(fork1s_simulation_joint_positions(s, two, 2) == FORK1S_OK && two[0] == 0);
+  REFUSED(fork1s_simulation_reset(NULL), "simulation is NULL");
+  fork1s_simulation_free(s);
+  fork1s_snapshot_free(snapshot);
+}
+
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   test_models(argv[1]);
   test_controls_and_bodies(argv[1]);
+  test_state(argv[1]);
   if (failures > 0) fprintf(stderr, "calls.c: %d failed\n", failures);
   return failures > 0 ? 1 : 0;
 }

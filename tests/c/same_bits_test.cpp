@@ -7,6 +7,7 @@
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/control_move.hpp>
+#include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
 #include <string>
@@ -226,6 +227,233 @@ TEST(CSimulation, TipGivesWayAsItsClosedFormSays) {
   // K^-1 f = [[2, -1], [-1, 1]] f / 100
   EXPECT_NEAR(moved.x(), (2 * 0.1 - 0.05) / 100, 5e-6);
   EXPECT_NEAR(moved.y(), (-0.1 + 0.05) / 100, 5e-6);
+}
+
+std::vector<double> Read(const CSimulation& simulation, std::size_t count,
+                         fork1s_status (*read)(const fork1s_simulation*, double*, std::size_t)) {
+  std::vector<double> values(count, -1);
+  Check(read(simulation.get(), values.data(), values.size()));
+  return values;
+}
+
+std::vector<double> Numbers(const VectorX& v) { return {v.data(), v.data() + v.size()}; }
+
+TEST(CSimulation, JointStateIsThatOfTheFile) {
+  const auto imported = LoadMechanism(Scene("quadruped.xml"));
+  ASSERT_TRUE(imported);
+  Simulation simulation = Create(*imported);
+  const CSimulation in_c = CreateInC(LoadInC(Scene("quadruped.xml")));
+  Check(fork1s_simulation_step(in_c.get(), 20, FORK1S_HOLD, nullptr));
+  for (int i = 0; i < 20; ++i) simulation.Step();
+  const std::vector<FileJoint> joints = MovingJoints(imported->joints, imported->scene);
+  const FileState state = ComputeFileState(joints, imported->scene, simulation.State());
+  ASSERT_EQ(Count(in_c, fork1s_simulation_num_joint_positions), 7 + 12);
+  ASSERT_EQ(Count(in_c, fork1s_simulation_num_joint_velocities), 6 + 12);
+  std::vector<double> q = Read(in_c, 19, fork1s_simulation_joint_positions);
+  std::vector<double> v = Read(in_c, 18, fork1s_simulation_joint_velocities);
+  EXPECT_EQ(q, Numbers(state.positions));
+  EXPECT_EQ(v, Numbers(state.velocities));
+  // The free joint is the pose of the trunk.
+  const RigidTransform X_WB = simulation.Pose("trunk");
+  EXPECT_EQ(std::memcmp(q.data(), X_WB.translation().data(), 3 * sizeof(double)), 0);
+
+  std::int32_t knee = -1;
+  Check(fork1s_simulation_find_joint(in_c.get(), "front_left_knee", &knee));
+  fork1s_joint joint{};
+  Check(fork1s_simulation_joint(in_c.get(), knee, &joint));
+  EXPECT_STREQ(joint.name, "front_left_knee");
+  EXPECT_EQ(joint.kind, FORK1S_JOINT_HINGE);
+  EXPECT_EQ(joint.num_positions, 1);
+  EXPECT_EQ(joint.first_position,
+            joint.first_velocity + 1);  // the free joint has one position more than velocities
+  const auto at = static_cast<std::size_t>(joint.first_position);
+  q[at] += 0.1;
+  q[2] += 0.2;
+  v[static_cast<std::size_t>(joint.first_velocity)] = 0.5;
+  Check(fork1s_simulation_set_joint_state(in_c.get(), q.data(), q.size(), v.data(), v.size()));
+  // Numbers to rounding of products of rotations.
+  for (std::size_t i = 0; i < q.size(); ++i)
+    EXPECT_NEAR(Read(in_c, 19, fork1s_simulation_joint_positions)[i], q[i], 1e-14);
+  for (std::size_t i = 0; i < v.size(); ++i)
+    EXPECT_NEAR(Read(in_c, 18, fork1s_simulation_joint_velocities)[i], v[i], 1e-13);
+  double change = -1, time = -1;
+  Check(fork1s_simulation_state_change(in_c.get(), &change));
+  EXPECT_LT(change, 1e-15);  // no loops
+  Check(fork1s_simulation_time(in_c.get(), &time));
+  EXPECT_EQ(time, 20 * simulation.dt());
+  // The shank turns by 0.1 rad about the axis of the knee relative to the thigh.
+  std::int32_t thigh = -1, shank = -1;
+  Check(fork1s_simulation_find_body(in_c.get(), "front_left_thigh", &thigh));
+  Check(fork1s_simulation_find_body(in_c.get(), "front_left_shank", &shank));
+  const auto relative = [&](const Simulation& s) -> Matrix3 {
+    return s.Pose("front_left_thigh").rotation().transpose() * s.Pose("front_left_shank").rotation();
+  };
+  const auto rotation_in_c = [&](std::int32_t body) -> Matrix3 {
+    double pose[7];
+    Check(fork1s_simulation_pose(in_c.get(), body, pose));
+    return Quaternion(pose[3], pose[4], pose[5], pose[6]).toRotationMatrix();
+  };
+  const Matrix3 turned = rotation_in_c(thigh).transpose() * rotation_in_c(shank);
+  EXPECT_NEAR(std::acos((relative(simulation).transpose() * turned).trace() / 2 - 0.5), 0.1, 1e-9);
+
+  const std::uint64_t hash = Hash(in_c);
+  q[3] = NAN;
+  EXPECT_EQ(fork1s_simulation_set_joint_state(in_c.get(), q.data(), q.size(), nullptr, 0),
+            FORK1S_ERROR_USAGE);
+  q[3] = q[4] = q[5] = q[6] = 0;
+  EXPECT_EQ(fork1s_simulation_set_joint_state(in_c.get(), q.data(), q.size(), nullptr, 0),
+            FORK1S_ERROR_USAGE);
+  EXPECT_EQ(fork1s_simulation_set_joint_state(in_c.get(), nullptr, 0, v.data(), 17), FORK1S_ERROR_USAGE);
+  EXPECT_EQ(Hash(in_c), hash);
+  Check(fork1s_simulation_set_joint_state(in_c.get(), nullptr, 0, nullptr, 0));
+}
+
+TEST(CSimulation, LoopsCloseWhereAStateLeavesThemOpen) {
+  const CSimulation in_c = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
+  const auto count = static_cast<std::size_t>(Count(in_c, fork1s_simulation_num_joint_positions));
+  std::vector<double> q = Read(in_c, count, fork1s_simulation_joint_positions);
+  std::int32_t index = -1;
+  fork1s_joint joint{};
+  Check(fork1s_simulation_find_joint(in_c.get(), "left_crank", &index));
+  Check(fork1s_simulation_joint(in_c.get(), index, &joint));
+  const double wanted = q[static_cast<std::size_t>(joint.first_position)] += 0.1;
+  Check(fork1s_simulation_set_joint_state(in_c.get(), q.data(), q.size(), nullptr, 0));
+  double change = 0;
+  Check(fork1s_simulation_state_change(in_c.get(), &change));
+  const double became =
+      Read(in_c, count, fork1s_simulation_joint_positions)[static_cast<std::size_t>(joint.first_position)];
+  EXPECT_GT(change, 0.01);
+  EXPECT_GE(change, std::abs(became - wanted) - 1e-15);
+}
+
+TEST(CSimulation, SensorsAreThoseOfCpp) {
+  const char* text =
+      R"(<mujoco><worldbody><body name="bob" pos="0 0 1"><joint name="hinge" axis="0 1 0" stiffness="2"/>
+    <geom type="sphere" size="0.1" pos="0.5 0 0" mass="1"/><site name="s" pos="0.5 0 0"/></body></worldbody>
+    <sensor><clock name="time"/><jointpos name="angle" joint="hinge"/><accelerometer name="acceleration" site="s"/>
+    <framequat name="turn" objtype="site" objname="s"/></sensor></mujoco>)";
+  const auto imported = LoadMechanismFromString(text, "bob");
+  ASSERT_TRUE(imported) << imported.error().Text();
+  Simulation simulation = Create(*imported);
+  fork1s_model* model = nullptr;
+  Check(fork1s_model_load_text(text, "bob", nullptr, &model));
+  const CSimulation in_c = CreateInC(CModel(model));
+  ASSERT_EQ(Count(in_c, fork1s_simulation_num_sensors), 4);
+  ASSERT_EQ(Count(in_c, fork1s_simulation_num_sensor_values), 9);
+  EXPECT_TRUE(std::isnan(Read(in_c, 9, fork1s_simulation_sensor_values)[2]));  // before the first step
+  Check(fork1s_simulation_step(in_c.get(), 7, FORK1S_HOLD, nullptr));
+  for (int i = 0; i < 7; ++i) simulation.Step();
+  EXPECT_EQ(Read(in_c, 9, fork1s_simulation_sensor_values), Numbers(Sensors(simulation).values()));
+  std::int32_t index = -1;
+  fork1s_sensor sensor{};
+  Check(fork1s_simulation_find_sensor(in_c.get(), "turn", &index));
+  Check(fork1s_simulation_sensor(in_c.get(), index, &sensor));
+  EXPECT_STREQ(sensor.name, "turn");
+  EXPECT_STREQ(sensor.missing, "");
+  EXPECT_EQ(sensor.first_value, 5);
+  EXPECT_EQ(sensor.num_values, 4);
+  // The clock counts on where a state was set.
+  const double q = 0.3;
+  Check(fork1s_simulation_set_joint_state(in_c.get(), &q, 1, nullptr, 0));
+  EXPECT_EQ(Read(in_c, 9, fork1s_simulation_sensor_values)[0], 7 * simulation.dt());
+  EXPECT_NEAR(Read(in_c, 9, fork1s_simulation_sensor_values)[1], 0.3, 1e-15);
+}
+
+TEST(CSimulation, ContactsBearTheWeight) {
+  const auto imported = LoadMechanism(Scene("fourbar_gripper.xml"));
+  ASSERT_TRUE(imported);
+  Simulation simulation = Create(*imported);
+  const CSimulation in_c = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
+  Check(fork1s_simulation_step(in_c.get(), 120, FORK1S_HOLD, nullptr));
+  for (int i = 0; i < 120; ++i) simulation.Step();
+  const std::vector<BodyContact> expected = Contacts(simulation);
+  const int count = Count(in_c, fork1s_simulation_num_contacts);
+  ASSERT_EQ(count, static_cast<int>(expected.size()));
+  std::vector<fork1s_contact> rows(static_cast<std::size_t>(count) + 2);
+  std::int32_t found = -1, cube = -1;
+  Check(fork1s_simulation_contacts(in_c.get(), rows.data(), rows.size(), &found));
+  ASSERT_EQ(found, count);
+  Check(fork1s_simulation_find_body(in_c.get(), "cube", &cube));
+  double weight = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_EQ(rows[i].body_a, expected[i].body_a);
+    EXPECT_EQ(rows[i].body_b, expected[i].body_b);
+    EXPECT_EQ(Vector3(rows[i].point), expected[i].point_W);
+    EXPECT_EQ(Vector3(rows[i].normal), expected[i].normal_W);
+    EXPECT_EQ(Vector3(rows[i].force), expected[i].force_W);
+    EXPECT_EQ(Vector3(rows[i].torque), expected[i].moment_W);
+    EXPECT_EQ(rows[i].gap, expected[i].gap);
+    EXPECT_EQ(rows[i].friction, expected[i].friction);
+    if (rows[i].body_a == cube) weight -= rows[i].force[2];
+    if (rows[i].body_b == cube) weight += rows[i].force[2];
+  }
+  EXPECT_NEAR(weight, 0.03 * 9.81,
+              1e-6);  // at rest after two seconds: to the tolerance of the contact solver
+  EXPECT_EQ(fork1s_simulation_contacts(in_c.get(), rows.data(), static_cast<std::size_t>(count) - 1, &found),
+            FORK1S_ERROR_USAGE);
+}
+
+struct FreeSnapshot {
+  void operator()(fork1s_snapshot* s) const { fork1s_snapshot_free(s); }
+};
+
+TEST(CSimulation, SnapshotsComeBackBitByBit) {
+  const CModel model = LoadInC(Scene("fourbar_gripper.xml"));
+  const CSimulation in_c = CreateInC(model);
+  const std::uint64_t start = Hash(in_c);
+  const double grip[2] = {0.4, 0.4}, force[3] = {0, 0, 1};
+  Check(fork1s_simulation_set_controls(in_c.get(), grip, 2));
+  Check(fork1s_simulation_step(in_c.get(), 30, FORK1S_HOLD, nullptr));
+  Check(fork1s_simulation_push(in_c.get(), 0, force, nullptr, nullptr));
+  fork1s_snapshot* saved = nullptr;
+  Check(fork1s_simulation_save(in_c.get(), &saved));
+  const std::unique_ptr<fork1s_snapshot, FreeSnapshot> snapshot(saved);
+  const std::uint64_t hash = Hash(in_c);
+  Check(fork1s_simulation_step(in_c.get(), 30, FORK1S_HOLD, nullptr));
+  const std::uint64_t end = Hash(in_c);
+  double time = 0;
+  const auto count = static_cast<std::size_t>(Count(in_c, fork1s_simulation_num_joint_velocities));
+  const std::vector<double> rest(count, 0);
+  // Also after a state was set, and into another simulation.
+  Check(fork1s_simulation_set_joint_state(in_c.get(), nullptr, 0, rest.data(), rest.size()));
+  const CSimulation other = CreateInC(model);
+  for (const CSimulation* simulation : {&in_c, &other}) {
+    Check(fork1s_simulation_restore(simulation->get(), snapshot.get()));
+    EXPECT_EQ(Hash(*simulation), hash);
+    Check(fork1s_simulation_time(simulation->get(), &time));
+    EXPECT_DOUBLE_EQ(time, 0.5);
+    Check(fork1s_simulation_step(simulation->get(), 30, FORK1S_HOLD, nullptr));
+    EXPECT_EQ(Hash(*simulation), end);
+    Check(fork1s_simulation_reset(simulation->get()));
+    EXPECT_EQ(Hash(*simulation), start);
+    Check(fork1s_simulation_time(simulation->get(), &time));
+    EXPECT_EQ(time, 0);
+  }
+  const CSimulation finer = CreateInC(model, R"({"dt": 0.001})");
+  EXPECT_EQ(fork1s_simulation_restore(finer.get(), snapshot.get()), FORK1S_ERROR_USAGE);
+  EXPECT_NE(
+      std::string(fork1s_last_error()).find("of another dt, 0.0166667 s, than this simulation, 0.001 s"),
+      std::string::npos);
+  const CSimulation foreign = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
+  EXPECT_EQ(fork1s_simulation_restore(foreign.get(), snapshot.get()), FORK1S_ERROR_USAGE);
+  EXPECT_NE(std::string(fork1s_last_error()).find("of another model"), std::string::npos);
+}
+
+TEST(CSimulation, StepThatIsUndoneIsAnError) {
+  const CSimulation in_c = CreateInC(LoadInC(Scene("two_link_arm.xml")));
+  Check(fork1s_simulation_step(in_c.get(), 2, FORK1S_HOLD, nullptr));
+  const std::uint64_t hash = Hash(in_c);
+  const double force[3] = {0, 1e300, 0};
+  std::int32_t forearm = -1;
+  Check(fork1s_simulation_find_body(in_c.get(), "forearm", &forearm));
+  Check(fork1s_simulation_push(in_c.get(), forearm, force, nullptr, nullptr));
+  fork1s_report report{};
+  EXPECT_EQ(fork1s_simulation_step(in_c.get(), 5, FORK1S_HOLD, &report), FORK1S_ERROR_NUMERICS);
+  EXPECT_EQ(report.finite, 0);
+  EXPECT_EQ(report.steps, 0);
+  EXPECT_NE(std::string(fork1s_last_error()).find("step 1: could not be solved"), std::string::npos);
+  EXPECT_EQ(Hash(in_c), hash);
+  EXPECT_EQ(fork1s_simulation_step(in_c.get(), 5, FORK1S_HOLD, &report), FORK1S_OK);
 }
 
 TEST(CSimulation, TwoThreadsStepTwoSimulationsOfAModel) {

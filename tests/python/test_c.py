@@ -108,6 +108,34 @@ def test_hand_steps_as_in_python(c: Library, scenes: Path) -> None:
     assert in_c.number("time", c_double) == sim.time
 
 
+def test_joint_state_and_reset_as_in_python(c: Library, scenes: Path) -> None:
+    sim = fork1s.Simulation(fork1s.load(scenes / "fourbar_gripper.xml"))
+    in_c = Simulation(c, scenes / "fourbar_gripper.xml")
+    start = in_c.hash
+    nq, nv = len(sim.qpos), len(sim.qvel)
+    assert (in_c.number("num_joint_positions"), in_c.number("num_joint_velocities")) == (nq, nv)
+    qpos, qvel = sim.qpos, sim.qvel
+    qpos[sim.joints["left_crank"]["qpos"]] += 0.05
+    qvel[-1] = 0.2
+    sim.set_state(qpos, qvel)
+    c.simulation_set_joint_state(
+        in_c.handle,
+        qpos.ctypes.data_as(POINTER(c_double)),
+        c_size_t(nq),
+        qvel.ctypes.data_as(POINTER(c_double)),
+        c_size_t(nv),
+    )
+    assert in_c.number("state_change", c_double) == sim.state_change > 0
+    sim.step(10)
+    in_c.step(10)
+    assert in_c.hash == sim.hash()
+    np.testing.assert_array_equal(in_c.array("joint_positions", nq), sim.qpos)
+    np.testing.assert_array_equal(in_c.array("joint_velocities", nv), sim.qvel)
+    assert in_c.number("num_contacts") == len(sim.contacts)
+    c.simulation_reset(in_c.handle)
+    assert in_c.hash == start
+
+
 def test_two_threads_step_two_simulations(c: Library, scenes: Path) -> None:
     sims = [Simulation(c, scenes / "fourbar_gripper.xml") for _ in range(3)]
 
