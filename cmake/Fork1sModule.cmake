@@ -87,8 +87,8 @@ function(fork1s_compile_plain target)
 endfunction()
 
 # Of an inline function that several files compile the linker keeps the copy that comes first. So that this is the
-# optimised one of the rooms and never the target's, whose last bits may be others (-O1 has no fused multiply-add), the
-# rooms are linked whole and before its own files, the inner ones first.
+# optimised one of the rooms and never the target's, whose last bits may be others (each level of optimisation fuses other
+# multiply-adds), the rooms are linked whole and before its own files, the inner ones first.
 function(fork1s_link_rooms_first target)
   if(NOT CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang" OR APPLE)
     return()
