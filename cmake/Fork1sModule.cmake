@@ -1,7 +1,8 @@
-# One library a room: fork1s_module(NAME [SEPARATE] [OUTER] SOURCES ... ROOMS ... LIBRARIES ...).
+# One library a room: fork1s_module(NAME [SEPARATE] [OUTER] [SHARED] SOURCES ... ROOMS ... LIBRARIES ...).
 # ROOMS are the rooms it may include; LIBRARIES are foreign and stay private to it. A room's files are compiled
 # together, which for most takes a fraction of the time; SEPARATE for rooms where it does not. OUTER for rooms that no
-# step runs through: they read, write and serve, and are compiled to be built soon rather than to run fast.
+# step runs through: they read, write and serve, and are compiled to be built soon rather than to run fast. SHARED for a
+# library that programs load as it is: it has all rooms in itself, and whoever links it gets its headers alone.
 include(CheckCXXSourceRuns)
 
 if(FORK1S_ARCH STREQUAL "auto")
@@ -78,12 +79,17 @@ function(fork1s_compile_outer target)
   fork1s_compile_together(${target} fork1s_precompiled_outer ${ARGN})
 endfunction()
 
-# Compiles a program's files without optimisation, which takes two thirds of the time that -O1 takes. Of an inline
-# function that several files compile the linker keeps the copy that comes first; so that this is the optimised one of the
-# rooms and never the program's, the rooms are linked whole and before its own files, the inner ones first.
+# Compiles a program's files without optimisation, which takes two thirds of the time that -O1 takes.
 function(fork1s_compile_plain target)
   target_compile_options(${target} PRIVATE ${FORK1S_PLAIN_OPTIONS})
   fork1s_compile_together(${target} fork1s_precompiled_tests ${ARGN})
+  fork1s_link_rooms_first(${target})
+endfunction()
+
+# Of an inline function that several files compile the linker keeps the copy that comes first. So that this is the
+# optimised one of the rooms and never the target's, whose last bits may be others (each level of optimisation fuses other
+# multiply-adds), the rooms are linked whole and before its own files, the inner ones first.
+function(fork1s_link_rooms_first target)
   if(NOT CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang" OR APPLE)
     return()
   endif()
@@ -148,10 +154,16 @@ endfunction()
 set(FORK1S_ROOMS "" CACHE INTERNAL "")
 
 function(fork1s_module name)
-  cmake_parse_arguments(ARG "SEPARATE;OUTER" "" "SOURCES;ROOMS;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "SEPARATE;OUTER;SHARED" "" "SOURCES;ROOMS;LIBRARIES" ${ARGN})
   if(ARG_SOURCES)
-    add_library(fork1s_${name} STATIC ${ARG_SOURCES})
-    set(scope PUBLIC)
+    if(ARG_SHARED)
+      add_library(fork1s_${name} SHARED ${ARG_SOURCES})
+      target_include_directories(fork1s_${name} INTERFACE ${PROJECT_SOURCE_DIR}/include)
+      set(scope PRIVATE)
+    else()
+      add_library(fork1s_${name} STATIC ${ARG_SOURCES})
+      set(scope PUBLIC)
+    endif()
     if(ARG_OUTER)
       fork1s_compile_outer(fork1s_${name})
     elseif(ARG_SEPARATE)
@@ -173,7 +185,9 @@ function(fork1s_module name)
   foreach(room ${ARG_ROOMS})
     target_link_libraries(fork1s_${name} ${scope} fork1s_${room})
   endforeach()
-  set(FORK1S_ROOMS ${FORK1S_ROOMS} fork1s_${name} CACHE INTERNAL "")
+  if(NOT ARG_SHARED)
+    set(FORK1S_ROOMS ${FORK1S_ROOMS} fork1s_${name} CACHE INTERNAL "")
+  endif()
 endfunction()
 
 # The umbrella target, and what `cmake --install` puts where find_package(fork1s) finds it.

@@ -45,7 +45,7 @@ cpp=() python=() shell=() text=()
 for file in "${files[@]}"; do
   case "$file" in
     */tests/fuzz/corpus/*) continue ;;
-    *.cpp | *.hpp) cpp+=("$file") ;;
+    *.cpp | *.hpp | *.c | *.h) cpp+=("$file") ;;
     *.py | *.pyi) python+=("$file") ;;
     *.sh | */check | */demo | */.ci/run) shell+=("$file") ;;
     *.md | *.ts | *.mjs | *.css | *.html | *.glsl | *.cmake | */CMakeLists.txt | *.toml | *.yml | *.yaml) ;;

@@ -23,6 +23,26 @@ if ! { cmake -S "$work/app" -B "$work/app/build" -DCMAKE_PREFIX_PATH="$work/inst
   exit 1
 fi
 "$work/app/build/first_steps" scenes/hand.xml
+# In C, as docs/c.md says it, and by a CMake project that knows no C++.
+lib=$(dirname "$(find "$work/installed" -name libfork1s_c.so)")
+cc -std=c99 "$work/app/first_steps.c" "-I$work/installed/include" "-L$lib" -lfork1s_c "-Wl,-rpath,$lib" -o "$work/c_steps"
+mkdir "$work/c"
+cat >"$work/c/CMakeLists.txt" <<'END'
+cmake_minimum_required(VERSION 3.25)
+project(app LANGUAGES C)
+find_package(fork1s_c REQUIRED)
+add_executable(c_steps ../app/first_steps.c)
+target_link_libraries(c_steps PRIVATE fork1s::c)
+END
+if ! { cmake -S "$work/c" -B "$work/c/build" -DCMAKE_PREFIX_PATH="$work/installed" &&
+  cmake --build "$work/c/build"; } >"$work/c.log"; then
+  cat "$work/c.log" >&2
+  exit 1
+fi
+for program in "$work/c_steps" "$work/c/build/c_steps"; do
+  "$program" scenes/fourbar_gripper.xml | tee "$work/said"
+  grep -q "^50 steps" "$work/said" && grep -q "^cube stands at" "$work/said"
+done
 "$work/app/build/in_your_loop" scenes/fourbar_gripper.xml | tee "$work/said"
 grep -q "there is no control 'thumb'; there are: left_grip" "$work/said"
 grep -q "and back it is as it was" "$work/said"

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Holds include/ to what users include: prints its headers, and exits with 1 where one
 
-- is reached from none of those that docs/api_cpp.md names,
+- is reached from none of those that docs/api_cpp.md names, or, in C, is not named by docs/c.md,
 - or includes what is not installed.
 """
 
@@ -16,6 +16,7 @@ INCLUDE = ROOT / "include"
 def main() -> int:
     failed = []
     named = re.findall(r"fork1s/[\w/]+\.hpp", (ROOT / "docs" / "api_cpp.md").read_text(encoding="utf-8"))
+    named += re.findall(r"fork1s/[\w/]+\.h\b", (ROOT / "docs" / "c.md").read_text(encoding="utf-8"))
     reached, waiting = set(), list(named)
     while waiting:
         header = waiting.pop()
@@ -31,9 +32,9 @@ def main() -> int:
             for inner in re.findall(r'#include "(.*)"', text)
         ]
         waiting += re.findall(r"#include <(fork1s/.*)>", text)
-    public = {path.relative_to(INCLUDE).as_posix() for path in INCLUDE.rglob("*.hpp")}
+    public = {path.relative_to(INCLUDE).as_posix() for path in INCLUDE.rglob("*") if path.is_file()}
     failed += [
-        f"{header} is reached from no header that docs/api_cpp.md names: move it to src/, or name it there"
+        f"{header} is reached from no header that docs/api_cpp.md or docs/c.md names: move it to src/, or name it there"
         for header in sorted(public - reached)
     ]
     if failed:

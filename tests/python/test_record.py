@@ -39,6 +39,17 @@ def test_what_is_recorded_replays_bit_by_bit(gripper, tmp_path):
     assert done.returncode == 0 and "30" in done.stdout, done.stdout + done.stderr
 
 
+def test_program_of_the_package_replays_the_hand_bit_by_bit(hand, tmp_path):
+    program = Path(fork1s.__file__).parent / "bin" / "fork1s"
+    sim = fork1s.Simulation(hand, dt=1 / 60)
+    sim.record(tmp_path / "run.h5")
+    sim.control_values = sim.control_values + 0.1
+    sim.step(20)
+    sim.stop_recording()
+    done = subprocess.run([program, "replay", tmp_path / "run.h5"], capture_output=True, text=True)
+    assert done.returncode == 0 and f"{sim.hash():016x}" in done.stdout, done.stdout + done.stderr
+
+
 def test_a_page_that_plays(gripper, tmp_path):
     sim = fork1s.Simulation(gripper)
     with pytest.raises(fork1s.UsageError, match="nothing was recorded"):

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "errors.hpp"
+#include "sim/restart.hpp"
 
 namespace fork1s::python {
 
@@ -91,32 +92,12 @@ void Runner::SetState(const KeyframeDef& state) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("set_state");
-  Scene scene = simulation_.scene();
-  SimulationOptions options = simulation_.options();
-  // Without the one that was lent last time, and without any that is of another state of the scene.
-  if (scene.keyframes.size() > model_->scene().keyframes.size())
-    scene.keyframes.resize(model_->scene().keyframes.size());
-  scene.keyframes.push_back(state);
-  options.initial_keyframe = static_cast<int>(scene.keyframes.size()) - 1;
-  Simulation next = Take(Simulation::Create(scene, options), model_->origin());
-  // Of the keyframe that was lent; its controls are those that held before.
-  for (int i = 0; i < next.controls().size(); ++i) {
-    const std::string& name = next.control_names()[static_cast<std::size_t>(i)];
-    bool drives = false;
-    for (const MechanismDef& def : next.scene().mechanisms)
-      drives = drives || (def.base == BaseKind::kDriven && name.rfind(def.bodies[0].name + ".", 0) == 0);
-    if (!drives) next.SetControl(i, simulation_.controls()(i));
-  }
+  auto next = Take(fork1s::internal::RestartAt(simulation_, state, model_->scene().keyframes.size()),
+                   model_->origin());
   time_before_ += simulation_.time();
-  simulation_ = std::move(next);
+  simulation_ = std::move(next.simulation);
   sensors_.reset();
-  state_change_ = 0;
-  for (std::size_t i = 0; i < state.mechanisms.size(); ++i) {
-    const VectorX& wanted = state.mechanisms[i].q;
-    if (wanted.size() == 0) continue;
-    state_change_ = std::max(
-        state_change_, (simulation_.JointCoordinates(static_cast<int>(i)) - wanted).cwiseAbs().maxCoeff());
-  }
+  state_change_ = next.change;
 }
 
 double Runner::StateChange() {
