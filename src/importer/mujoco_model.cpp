@@ -288,15 +288,21 @@ Expected<EditableModel> EditableModel::Parse(ModelSource source) {
 
 namespace {
 
-// Operating length ranges of muscles, which MuJoCo finds by simulation; [0, 0] where it finds none.
+// Operating length ranges of muscles, which MuJoCo finds by simulation; [0, 0] where it finds none. As its compiler
+// does, by joints and their limits alone. Where the simulation diverges it may not begin anew: it would never end.
 void FindLengthRanges(const mjLROpt& options, mjModel& model) {
   std::unique_ptr<mjData, MjDataDeleter> data;
+  const mjOption own = model.opt;
+  model.opt.disableflags = mjDSBL_FRICTIONLOSS | mjDSBL_CONTACT | mjDSBL_SPRING | mjDSBL_DAMPER | mjDSBL_GRAVITY |
+                           mjDSBL_ACTUATION | mjDSBL_AUTORESET;
+  if (options.timestep > 0) model.opt.timestep = options.timestep;
   for (int i = 0; i < model.nactuator; ++i) {
     if (model.actuator_gaintype[i] != mjGAIN_MUSCLE && model.actuator_biastype[i] != mjBIAS_MUSCLE) continue;
     if (!data) data.reset(mj_makeData(&model));
     mjtNum* range = model.actuator_lengthrange + 2 * model.actuator_outadr[i];
     if (!mj_setLengthRange(&model, data.get(), i, &options, nullptr, 0)) range[0] = range[1] = 0;
   }
+  model.opt = own;
 }
 
 }  // namespace
@@ -317,7 +323,9 @@ Expected<CompiledModel> EditableModel::Compile() {
     }
     mjLROpt options = spec_->compiler.LRopt;
     if (options.mode == mjLRMODE_NONE) options.mode = mjLRMODE_MUSCLE;
+    const std::size_t num_warnings = compiled.warnings.size();
     FindLengthRanges(options, *compiled.model);
+    compiled.warnings.resize(num_warnings);  // of the file, not of that simulation
     compiled.data = DataAtReference(*compiled.model);
   } catch (const std::exception& fault) {
     return GaveUp(source_.path, fault);
