@@ -65,7 +65,9 @@ double AdvanceMuscle(const ControlDef& control, double a, double u, double rate,
   // The largest |d(da/dt)/da| without smoothing is 8/T₁ (a = 0, u = 1) or 3.5/T₂ (a = 1, u = 0). In substeps of 1/16 of
   // its inverse the activation is off by less than 1e-7 (tests/mechanism/activation_test.cpp).
   const double fastest = std::max(8 / control.time_constant, 3.5 / control.deactivation_time);
-  const int count = static_cast<int>(std::ceil(16 * fastest * t));
+  // Nor does the input move by more than 1/32 of the smoothed range in one, but where that asks for more than 4096.
+  const double moves = control.smoothing > 0 ? std::min(32 * std::abs(rate) * t / control.smoothing, 4096.0) : 0;
+  const int count = static_cast<int>(std::ceil(std::max(16 * fastest * t, moves)));
   const double h = t / count;
   bool rises = u > a || (u == a && rate > 0);
   for (int i = 0; i < count; ++i) {

@@ -42,10 +42,10 @@ constexpr const char* kArm = R"(<mujoco><option gravity="0 0 0" timestep="2e-5" 
     <spatial name="BF"><site site="root"/><geom geom="ball"/><site site="u5"/><geom geom="roll"/><site site="l1"/></spatial>
     <spatial name="BE"><site site="root"/><geom geom="ball" sidesite="back"/><site site="u6"/>
       <geom geom="roll" sidesite="behind"/><site site="l2"/></spatial></tendon>
-  <actuator><muscle name="SF" tendon="SF"/><muscle name="SE" tendon="SE" force="150"/>
+  <actuator><muscle name="SF" tendon="SF"/><muscle name="SE" tendon="SE" force="150" lengthrange=".25 .45"/>
     <muscle name="EF" tendon="EF" scale="120" timeconst=".02 .06"/>
-    <muscle name="EE" tendon="EE" range=".8 1.1" lmin=".4" lmax="1.7" vmax="2" fpmax="1.5" fvmax="1.4"/>
-    <muscle name="BF" tendon="BF" tausmooth=".3"/><muscle name="BE" tendon="BE" gear="1.2"/></actuator>
+    <muscle name="EE" tendon="EE" range=".8 1.1" lmin=".4" lmax="1.7" vmax="2" fpmax="1.5" fvmax="1.4" lengthrange=".2 .29"/>
+    <muscle name="BF" tendon="BF" tausmooth=".3"/><muscle name="BE" tendon="BE" gear="1.2" lengthrange=".55 .85"/></actuator>
   <keyframe><key name="k" qpos=".8 .9" qvel="1 -2" act=".1 .2 0 .4 .1 .3" ctrl=".1 .6 .2 .3 .7 .1"/></keyframe></mujoco>)";
 
 // A muscle on a joint, on a fixed tendon, on a slider-crank and on a site, of given length ranges.
@@ -57,7 +57,7 @@ constexpr const char* kOthers = R"(<mujoco><option gravity="0 0 0"/>
     <body name="slider" pos="0 0 -.4"><site name="crank" zaxis="0 0 1"/></body></worldbody>
   <tendon><fixed name="t"><joint joint="ja" coef=".05"/><joint joint="jb" coef="-.03"/></fixed></tendon>
   <actuator><muscle name="joint" joint="ja" gear=".04" lengthrange="-.04 .06" force="80"/>
-    <muscle name="fixed" tendon="t" lengthrange="-.05 .05" force="60"/>
+    <muscle name="fixed" tendon="t" lengthrange="-.02 .02" force="60"/>
     <muscle name="crank" cranksite="pin" slidersite="crank" cranklength=".8" lengthrange="-.5 1.5" force="50"/>
     <general name="site" site="eye" refsite="hook" gear="1 .5 -.3 0 .1 0" lengthrange="-1 1" dyntype="filterexact"
       dynprm=".03" gaintype="muscle" biastype="none" gainprm=".7 1.1 40 200 .5 1.6 1.5 1.3 1.2"/></actuator></mujoco>)";
