@@ -293,8 +293,8 @@ namespace {
 void FindLengthRanges(const mjLROpt& options, mjModel& model) {
   std::unique_ptr<mjData, MjDataDeleter> data;
   const mjOption own = model.opt;
-  model.opt.disableflags = mjDSBL_FRICTIONLOSS | mjDSBL_CONTACT | mjDSBL_SPRING | mjDSBL_DAMPER | mjDSBL_GRAVITY |
-                           mjDSBL_ACTUATION | mjDSBL_AUTORESET;
+  model.opt.disableflags = mjDSBL_FRICTIONLOSS | mjDSBL_CONTACT | mjDSBL_SPRING | mjDSBL_DAMPER |
+                           mjDSBL_GRAVITY | mjDSBL_ACTUATION | mjDSBL_AUTORESET;
   if (options.timestep > 0) model.opt.timestep = options.timestep;
   for (int i = 0; i < model.nactuator; ++i) {
     if (model.actuator_gaintype[i] != mjGAIN_MUSCLE && model.actuator_biastype[i] != mjBIAS_MUSCLE) continue;

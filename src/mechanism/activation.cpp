@@ -66,7 +66,8 @@ double AdvanceMuscle(const ControlDef& control, double a, double u, double rate,
   // its inverse the activation is off by less than 1e-7 (tests/mechanism/activation_test.cpp).
   const double fastest = std::max(8 / control.time_constant, 3.5 / control.deactivation_time);
   // Nor does the input move by more than 1/32 of the smoothed range in one, but where that asks for more than 4096.
-  const double moves = control.smoothing > 0 ? std::min(32 * std::abs(rate) * t / control.smoothing, 4096.0) : 0;
+  const double moves =
+      control.smoothing > 0 ? std::min(32 * std::abs(rate) * t / control.smoothing, 4096.0) : 0;
   const int count = static_cast<int>(std::ceil(std::max(16 * fastest * t, moves)));
   const double h = t / count;
   bool rises = u > a || (u == a && rate > 0);
