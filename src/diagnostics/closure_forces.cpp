@@ -51,7 +51,11 @@ VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& conta
   SubtractRigidMotionWrenches(m, kinematics, Vector6::Zero(), A_R, F);
   VectorX g(n), loads = VectorX::Zero(n), inertial;
   AccumulateGeneralizedForce(m, kinematics.S, F, loads);
-  if (state.controls.size() > 0) AddControlForce(m, kinematics, ActivationsOf(state), loads);
+  if (state.controls.size() > 0) {
+    const VectorX activations = ActivationsOf(state);
+    AddControlForce(m, kinematics, activations, loads);
+    AddMuscleRateForce(m, kinematics, activations, q_dot, loads);
+  }
   SpringForce(m, kinematics, now.q, g);
   ApplyMass(m, kinematics, q_ddot, inertial);
   // Of the armature ApplyMass has all but what E changes by.

@@ -127,7 +127,10 @@ void ErrorCompanion::Missing(const MechanismDynamics& m, const Vector3& gravity_
   scratch_.tau = loads.stops;
   SubtractArmatureForces(mechanism, kinematics, q, motion.q_dot, motion.q_ddot, scratch_.tau);
   AccumulateGeneralizedForce(mechanism, kinematics.S, scratch_.F, scratch_.tau);
-  if (loads.controls.size() > 0) AddControlForce(mechanism, kinematics, loads.controls, scratch_.tau);
+  if (loads.controls.size() > 0) {
+    AddControlForce(mechanism, kinematics, loads.controls, scratch_.tau);
+    AddMuscleRateForce(mechanism, kinematics, loads.controls, motion.q_dot, scratch_.tau);
+  }
   SpringForce(mechanism, kinematics, q, scratch_.spring);
   scratch_.tau += scratch_.spring;
   scratch_.tau.noalias() -= tangent_.damping * motion.q_dot;

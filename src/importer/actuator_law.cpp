@@ -51,15 +51,34 @@ std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, int i) {
   }
 }
 
+constexpr int kMuscleParameters = 9;  // range[2], force, scale, lmin, lmax, vmax, fpmax, fvmax
+
+std::optional<ActuatorRefusal> WhyNoMuscle(const mjModel& m, int i) {
+  const int bias = m.actuator_biastype[i];
+  if (m.actuator_dyntype[i] == mjDYN_USER)
+    return ActuatorRefusal{"user-defined actuator", "its law is code that is not in the file"};
+  if (m.actuator_gaintype[i] != mjGAIN_MUSCLE || (bias != mjBIAS_MUSCLE && bias != mjBIAS_NONE))
+    return ActuatorRefusal{"actuator that is in part a muscle",
+                           "of a muscle the gain is simulated, with the bias of a muscle or none"};
+  if (bias == mjBIAS_MUSCLE && !std::equal(Gain(m, i), Gain(m, i) + kMuscleParameters, Bias(m, i)))
+    return ActuatorRefusal{"muscle with two sets of parameters",
+                           "only one is simulated; give gainprm and biasprm the same numbers"};
+  if (HasNoLength(m, i))
+    return ActuatorRefusal{"muscle on a site alone", "it has no length; give it a refsite or a tendon"};
+  const mjtNum* range = m.actuator_lengthrange + 2 * m.actuator_outadr[i];
+  if (!(range[0] < range[1]))
+    return ActuatorRefusal{"muscle",
+                           "no shortest and longest length was found for it; give it a lengthrange"};
+  return std::nullopt;
+}
+
 std::optional<ActuatorRefusal> WhyNoForce(const mjModel& m, int i) {
   const int dynamics = m.actuator_dyntype[i], gain = m.actuator_gaintype[i], bias = m.actuator_biastype[i];
   if (const std::string plugin = PluginName(m, i); !plugin.empty() && plugin != kPidPlugin) {
     return ActuatorRefusal{fmt::format("actuator of plugin {}", plugin),
                            "what a plugin computes is not known here"};
   }
-  if (dynamics == mjDYN_MUSCLE || gain == mjGAIN_MUSCLE || bias == mjBIAS_MUSCLE) {
-    return ActuatorRefusal{"muscle", "muscles are not simulated"};
-  }
+  if (gain == mjGAIN_MUSCLE || bias == mjBIAS_MUSCLE) return WhyNoMuscle(m, i);
   if (gain == mjGAIN_DCMOTOR) {
     if (Gain(m, i)[0] > 0) return std::nullopt;
     return ActuatorRefusal{"DC motor", "it has no resistance"};
@@ -140,11 +159,34 @@ void ReadDcMotor(const mjModel& m, LinearActuator& a) {
 // MuJoCo's filter takes steps of explicit Euler towards the same solution as filterexact.
 void ReadDynamics(const mjModel& m, int i, ActuatorInput& input) {
   const int type = m.actuator_dyntype[i];
+  if (type == mjDYN_MUSCLE) {
+    input.dynamics = ControlDynamics::kMuscle;
+    input.time_constant = Dynamics(m, i)[0];
+    input.deactivation_time = Dynamics(m, i)[1];
+    input.smoothing = Dynamics(m, i)[2] < mjMINVAL ? 0 : Dynamics(m, i)[2];
+  }
   if (type == mjDYN_INTEGRATOR) input.dynamics = ControlDynamics::kIntegrator;
   if (type != mjDYN_FILTER && type != mjDYN_FILTEREXACT) return;
   if (Dynamics(m, i)[0] < mjMINVAL) return;  // no lag in MuJoCo either
   input.dynamics = ControlDynamics::kLag;
   input.time_constant = Dynamics(m, i)[0];
+}
+
+// At its length range as MuJoCo has it, without `at_reference`.
+MuscleDef ReadMuscle(const mjModel& m, int i) {
+  const mjtNum *p = Gain(m, i), *range = m.actuator_lengthrange + 2 * m.actuator_outadr[i];
+  MuscleDef muscle;
+  muscle.range_lower = p[0];
+  muscle.range_upper = p[1];
+  muscle.force = p[2] < 0 ? p[3] / std::max(mjMINVAL, m.actuator_acc0[m.actuator_outadr[i]]) : p[2];
+  muscle.lmin = p[4];
+  muscle.lmax = p[5];
+  muscle.vmax = p[6];
+  muscle.fpmax = m.actuator_biastype[i] == mjBIAS_MUSCLE ? p[7] : 0;
+  muscle.fvmax = p[8];
+  muscle.length_lower = range[0];
+  muscle.length_upper = range[1];
+  return muscle;
 }
 
 LinearActuator Law(const mjModel& m, const mjData& d, int i) {
@@ -166,7 +208,14 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
     a.b1 = Bias(m, i)[1];
     a.b2 = Bias(m, i)[2];
   }
-  if (m.actuator_gaintype[i] == mjGAIN_DCMOTOR) {
+  if (m.actuator_gaintype[i] == mjGAIN_MUSCLE) {
+    a.muscle = ReadMuscle(m, i);
+    a.muscle->length_lower -= a.length.at_reference;
+    a.muscle->length_upper -= a.length.at_reference;
+    a.inputs.push_back({a.name, m.actuator_ctrladr[i], 0, false});
+    ReadDynamics(m, i, a.inputs.back());
+    if (m.actuator_forcelimited[i]) a.left_out.push_back("its forcerange");
+  } else if (m.actuator_gaintype[i] == mjGAIN_DCMOTOR) {
     ReadDcMotor(m, a);
   } else if (m.actuator_gaintype[i] == mjGAIN_PID) {
     ReadPid(m, a);

@@ -19,7 +19,8 @@ struct ActuatorInput {
   double gain = 0;
   bool setpoint = false;                              // u is where the length is to be
   ControlDynamics dynamics = ControlDynamics::kNone;  // where not, its activation is in the place of u
-  double time_constant = 0;                           // s, of a lag
+  double time_constant = 0;                           // s, of a lag, and of a muscle that is activated
+  double deactivation_time = 0, smoothing = 0;        // of a muscle: s, and in units of u
 };
 
 /// F = Σ gain u + b0 + b1 L + b2 dL/dt, and force a F on each freedom of L.
@@ -29,6 +30,8 @@ struct LinearActuator {
   Length length;  // gear included
   std::vector<ActuatorInput> inputs;
   double b0 = 0, b1 = 0, b2 = 0;
+  std::optional<MuscleDef>
+      muscle;  // its force in place of all that, but for name and length; its input has no gain
   std::vector<std::string> left_out;  // parts of the law that are not simulated, each a phrase
 };
 

@@ -23,6 +23,8 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   control.is_setpoint = input.setpoint;
   control.dynamics = input.dynamics;
   control.time_constant = input.time_constant;
+  control.deactivation_time = input.deactivation_time;
+  control.smoothing = input.smoothing;
   if (m.actuator_ctrllimited[input.ctrl] && !(m.opt.disableflags & mjDSBL_CLAMPCTRL)) {
     control.lower = m.actuator_ctrlrange[2 * input.ctrl];
     control.upper = m.actuator_ctrlrange[2 * input.ctrl + 1];
@@ -35,10 +37,22 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   ControlSource source;
   source.ctrl = input.ctrl;
   if (input.dynamics != ControlDynamics::kNone) source.act = m.actuator_actadr[a.actuator];
-  source.motor = a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
+  source.motor = !a.muscle && a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
   for (const auto& term : a.length.terms) source.dofs.push_back(term.first);
   c.scene.mechanisms[mechanism].controls.push_back(std::move(control));
   c.controls[mechanism].push_back(std::move(source));
+}
+
+void AddMuscle(Conversion& c, const LinearActuator& a) {
+  MuscleDef muscle = *a.muscle;
+  muscle.name = muscle.control = a.name;
+  c.PutLength(a.length, muscle);
+  for (const auto& term : a.length.terms) {
+    c.in_spring[term.first] = true;
+    c.held_by[term.first].push_back(
+        fmt::format("muscle '{}', {:.4g} N at most at its optimum", a.name, muscle.force));
+  }
+  c.scene.mechanisms[c.MechanismOf(a.length.terms[0].first)].muscles.push_back(std::move(muscle));
 }
 
 void AddHold(Conversion& c, const LinearActuator& a) {
@@ -124,10 +138,13 @@ void ConvertActuators(Conversion& c) {
   std::map<std::string, std::vector<std::string>> left_out;
   for (const LinearActuator& a : LinearActuators(m, c.d)) {
     moves[static_cast<std::size_t>(a.actuator)] = true;
-    AddHold(c, a);
+    if (a.muscle)
+      AddMuscle(c, a);
+    else
+      AddHold(c, a);
     AddDrive(c, a);
     for (const ActuatorInput& input : a.inputs) AddControl(c, a, input);
-    if (a.inputs.size() == 1)
+    if (a.inputs.size() == 1 && !a.muscle)
       c.report.servos.push_back({c.MechanismOf(a.length.terms[0].first), a.inputs[0].name, -a.b1, -a.b2, a.b0,
                                  a.length.at_reference});
     for (const std::string& part : a.left_out) left_out[part].push_back(a.name);

@@ -160,7 +160,7 @@ void ConvertBoundedForces(Conversion& c) {
   for (const LinearActuator& a : actuators)
     for (const auto& term : a.length.terms) {
       const auto dof = static_cast<std::size_t>(term.first);
-      if (a.length.is_single())
+      if (a.length.is_single() && !a.muscle)
         on_dof[dof].push_back(&a);
       else
         shared[dof] = true;
@@ -172,6 +172,10 @@ void ConvertBoundedForces(Conversion& c) {
     const int dof = a.length.terms[0].first, joint = m.dof_jntid[dof];
     MechanismDef& mechanism = c.scene.mechanisms[c.MechanismOf(dof)];
     const bool bound_joint = a.length.is_single() && m.jnt_actfrclimited[joint];
+    if (a.muscle) {
+      if (bound_joint) tangled.push_back(c.joint_names[joint]);
+      continue;
+    }
     const auto& together = on_dof[static_cast<std::size_t>(dof)];
     if (bound_joint && shared[static_cast<std::size_t>(dof)]) tangled.push_back(c.joint_names[joint]);
     const bool sum = bound_joint && !shared[static_cast<std::size_t>(dof)];

@@ -286,12 +286,32 @@ Expected<EditableModel> EditableModel::Parse(ModelSource source) {
   return out;
 }
 
+namespace {
+
+// Operating length ranges of muscles, which MuJoCo finds by simulation; [0, 0] where it finds none. As its compiler
+// does, by joints and their limits alone. Where the simulation diverges it may not begin anew: it would never end.
+void FindLengthRanges(const mjLROpt& options, mjModel& model) {
+  std::unique_ptr<mjData, MjDataDeleter> data;
+  const mjOption own = model.opt;
+  model.opt.disableflags = mjDSBL_FRICTIONLOSS | mjDSBL_CONTACT | mjDSBL_SPRING | mjDSBL_DAMPER |
+                           mjDSBL_GRAVITY | mjDSBL_ACTUATION | mjDSBL_AUTORESET;
+  if (options.timestep > 0) model.opt.timestep = options.timestep;
+  for (int i = 0; i < model.nactuator; ++i) {
+    if (model.actuator_gaintype[i] != mjGAIN_MUSCLE && model.actuator_biastype[i] != mjBIAS_MUSCLE) continue;
+    if (!data) data.reset(mj_makeData(&model));
+    mjtNum* range = model.actuator_lengthrange + 2 * model.actuator_outadr[i];
+    if (!mj_setLengthRange(&model, data.get(), i, &options, nullptr, 0)) range[0] = range[1] = 0;
+  }
+  model.opt = own;
+}
+
+}  // namespace
+
 Expected<CompiledModel> EditableModel::Compile() {
   CompiledModel compiled;
   compiled.warnings = warnings_;
   HandlerScope handlers(&compiled.warnings);
-  // Without the lengths that muscles can reach: the compiler seeks them by simulation, refuses the file where
-  // it finds none, and nothing here asks for them.
+  // Without the lengths that muscles can reach: the compiler refuses the file where it finds none for one of them.
   const int length_ranges = spec_->compiler.LRopt.mode;
   spec_->compiler.LRopt.mode = mjLRMODE_NONE;
   try {
@@ -301,6 +321,11 @@ Expected<CompiledModel> EditableModel::Compile() {
       const char* message = mjs_getError(spec_.get());
       return tl::unexpected<Error>(Translate(source_, message != nullptr ? message : ""));
     }
+    mjLROpt options = spec_->compiler.LRopt;
+    if (options.mode == mjLRMODE_NONE) options.mode = mjLRMODE_MUSCLE;
+    const std::size_t num_warnings = compiled.warnings.size();
+    FindLengthRanges(options, *compiled.model);
+    compiled.warnings.resize(num_warnings);  // of the file, not of that simulation
     compiled.data = DataAtReference(*compiled.model);
   } catch (const std::exception& fault) {
     return GaveUp(source_.path, fault);

@@ -328,6 +328,7 @@ std::optional<SensorActuator> ActuatorOf(Conversion& c, const LinearActuator& a)
     actuator.inputs.emplace_back(input.name, input.gain);
   }
   c.PutLength(a.length, actuator);
+  if (a.muscle) actuator.muscle = a.name;
   actuator.at_reference = a.length.at_reference;
   actuator.stiffness = -a.b1;
   actuator.damping = -a.b2;

@@ -32,9 +32,17 @@ bool IsPeriodic(const Mechanism& mechanism, const Mechanism::Joint& joint) {
   const auto any_acts = [&](const auto& elements) {
     return std::any_of(elements.begin(), elements.end(), [&](const auto& e) { return acts(e.length.terms); });
   };
+  // Lengths of muscles along a rotation count its turns (Mechanism::Path::rates).
+  const auto flexes = [&](const MuscleDef& muscle) {
+    return std::any_of(muscle.terms.begin(), muscle.terms.end(), [&](const auto& term) {
+      return mechanism.joint(term.first.joint).offset == joint.offset;
+    });
+  };
+  const auto& muscles = mechanism.definition().muscles;
   return mechanism.stiffness().segment(joint.offset, joint.size).isZero(0) &&
-         !any_acts(mechanism.springs()) && !any_acts(mechanism.controls()) &&
-         !any_acts(mechanism.length_limits()) && !any_acts(mechanism.force_limits()) &&
+         std::none_of(muscles.begin(), muscles.end(), flexes) && !any_acts(mechanism.springs()) &&
+         !any_acts(mechanism.controls()) && !any_acts(mechanism.length_limits()) &&
+         !any_acts(mechanism.force_limits()) &&
          std::none_of(mechanism.couplings().begin(), mechanism.couplings().end(),
                       [&](const Mechanism::Coupling& c) {
                         const std::vector<int> all = c.Coordinates();

@@ -177,11 +177,53 @@ Expected<void> CheckDynamics(const ControlDef& c, const std::string& where) {
     return Refuse(where,
                   fmt::format("follows its input with the time constant {} s; it must be finite and above 0",
                               c.time_constant));
+  // The activation is solved in steps of a part of these.
+  constexpr double kShortest = 1e-5;  // s
+  if (c.dynamics == ControlDynamics::kMuscle) {
+    for (const double time : {c.time_constant, c.deactivation_time})
+      if (!(time >= kShortest && std::isfinite(time)))
+        return Refuse(where,
+                      fmt::format("has the activation time {} s and the deactivation time {} s; both must be "
+                                  "finite and {} s or more",
+                                  c.time_constant, c.deactivation_time, kShortest));
+    if (!(c.smoothing >= 0 && std::isfinite(c.smoothing)))
+      return Refuse(where, fmt::format("has the smoothing {}; it must be finite and 0 or more", c.smoothing));
+  }
   if (!(c.activation_lower <= c.activation_upper))
     return Refuse(where, fmt::format("has an activation from {} to {}; the lower must not be above the upper",
                                      c.activation_lower, c.activation_upper));
   if (!std::isfinite(c.initial_activation))
     return Refuse(where, "starts at an activation that is not finite");
+  return {};
+}
+
+Expected<void> CheckMuscles(const MechanismDef& def) {
+  for (const MuscleDef& m : def.muscles) {
+    const std::string where = Named("muscle", m.name);
+    if (auto ok = CheckLength(def, m, where); !ok) return ok;
+    if (FindControl(def, m.control) < 0)
+      return Refuse(where, fmt::format("names the control '{}', which is not there", m.control));
+    if (!(m.force >= 0 && std::isfinite(m.force)))
+      return Refuse(where, fmt::format("has the force {} N; it must be finite and 0 or more", m.force));
+    if (!(m.length_lower < m.length_upper && std::isfinite(m.length_upper - m.length_lower)))
+      return Refuse(
+          where, fmt::format("has the length range {} to {}; both must be finite, the lower below the upper",
+                             m.length_lower, m.length_upper));
+    if (!(m.range_lower < m.range_upper && std::isfinite(m.range_upper - m.range_lower)))
+      return Refuse(
+          where, fmt::format("has the range {} to {} of normalized lengths; both must be finite, the lower "
+                             "below the upper",
+                             m.range_lower, m.range_upper));
+    if (!(m.lmin < 1 && m.lmax > 1 && std::isfinite(m.lmax - m.lmin)))
+      return Refuse(where, fmt::format("has lmin {} and lmax {}; they must be finite, below and above 1",
+                                       m.lmin, m.lmax));
+    if (!(m.vmax > 0 && m.fpmax >= 0 && m.fvmax >= 1 && std::isfinite(m.vmax + m.fpmax + m.fvmax)))
+      return Refuse(
+          where,
+          fmt::format("has vmax {}, fpmax {} and fvmax {}; they must be finite, above 0, 0 or more, and "
+                      "1 or more",
+                      m.vmax, m.fpmax, m.fvmax));
+  }
   return {};
 }
 
@@ -242,6 +284,7 @@ Expected<void> CheckConnections(const MechanismDef& def) {
     if (auto ok = CheckDynamics(c, where); !ok) return ok;
   }
   if (auto ok = CheckBoundedForces(def); !ok) return ok;
+  if (auto ok = CheckMuscles(def); !ok) return ok;
   for (const std::string& name : def.interfaces)
     if (!def.FindBody(name).valid())
       return Refuse(Named("interface", name),
@@ -281,6 +324,8 @@ void SortJoints(MechanismDef& def) {
     for (auto& t : f.terms) move(t.first);
   for (auto& l : def.length_limits)
     for (auto& t : l.terms) move(t.first);
+  for (auto& muscle : def.muscles)
+    for (auto& t : muscle.terms) move(t.first);
 }
 
 // Smallest eigenvalue of SᵀIS + diag(armature), each freedom scaled by the size of the terms that it sums, so
@@ -518,6 +563,19 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
   for (const ControlDef& c : def.controls)
     m.controls_.push_back(
         {c.name, c.is_setpoint ? form_of(c) : rate_form_of(c), c.gain, c.lower, c.upper, c.initial});
+  for (const MuscleDef& muscle : def.muscles) {
+    const Mechanism::Length along = rate_form_of(muscle);
+    const double optimum =
+        (muscle.length_upper - muscle.length_lower) / (muscle.range_upper - muscle.range_lower);
+    const double zero = muscle.length_lower - muscle.range_lower * optimum;
+    m.muscles_.push_back({muscle.name, along, FindControl(def, muscle.control), muscle.force, optimum, zero,
+                          muscle.lmin, muscle.lmax, muscle.vmax, muscle.fvmax});
+    // F_P: x²/2 for 0 < x <= 1 and x - 1/2 beyond, times fpmax, with x = (L - 1)/((lmax - 1)/2).
+    Mechanism::Spring passive{muscle.name, along, 0, 0, zero + optimum};
+    passive.toe = 0.5 * (muscle.lmax - 1) * optimum;
+    passive.stiffness = muscle.force * muscle.fpmax / passive.toe;
+    m.springs_.push_back(std::move(passive));
+  }
   for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, rate_form_of(f), f.force});
   for (int i = 0; i < n; ++i)
     if (std::isfinite(m.lower_(i)) || std::isfinite(m.upper_(i)))

@@ -59,7 +59,8 @@ Kinematics::Kinematics(const Mechanism& mechanism)
     : P(static_cast<std::size_t>(mechanism.num_joints())),
       X_RB(static_cast<std::size_t>(mechanism.num_bodies())),
       S(mechanism.screws()),
-      paths(mechanism.paths().size()) {
+      paths(mechanism.paths().size()),
+      muscles(mechanism.muscles().size()) {
   for (std::size_t i = 0; i < paths.size(); ++i)
     for (const int coordinate : mechanism.paths()[i].coordinates) paths[i].arms.emplace_back(coordinate, 0.0);
 }
@@ -111,6 +112,8 @@ void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics&
       SetProduct(out.P[static_cast<std::size_t>(bodies[b].last_joint)], bodies[b].X_RB0, out.X_RB[b]);
   for (std::size_t i = 0; i < out.paths.size(); ++i)
     internal::ComputePath(mechanism, mechanism.paths()[i], out, q, out.paths[i]);
+  for (std::size_t i = 0; i < out.muscles.size(); ++i)
+    out.muscles[i] = LengthOf(mechanism, mechanism.muscles()[i].length, out, q);
 }
 
 Matrix6X BodyJacobian(const Mechanism& mechanism, const Kinematics& kinematics, BodyIndex b) {

@@ -30,7 +30,8 @@ inline constexpr std::pair<PathKind, const char*> kPathKindNames[] = {
 inline constexpr std::pair<ControlDynamics, const char*> kControlDynamicsNames[] = {
     {ControlDynamics::kNone, "none"},
     {ControlDynamics::kLag, "lag"},
-    {ControlDynamics::kIntegrator, "integrator"}};
+    {ControlDynamics::kIntegrator, "integrator"},
+    {ControlDynamics::kMuscle, "muscle"}};
 
 inline constexpr std::pair<SensorKind, const char*> kSensorKindNames[] = {
     {SensorKind::kUnknown, "unknown"},

@@ -89,6 +89,23 @@ void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, c
     const double force = controls[k].gain * u(static_cast<Eigen::Index>(k));
     ForEachArm(controls[k].length, kinematics.paths, [&](int i, double c) { tau(i) += c * force; });
   }
+  for (std::size_t k = 0; k < mechanism.muscles().size(); ++k) {
+    const Mechanism::Muscle& muscle = mechanism.muscles()[k];
+    const double force = u(muscle.control) * muscle.Force(kinematics.muscles[k], 0);
+    ForEachArm(muscle.length, kinematics.paths, [&](int i, double c) { tau(i) += c * force; });
+  }
+}
+
+void AddMuscleRateForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& activation,
+                        const VectorX& q_dot, VectorX& tau) {
+  for (std::size_t k = 0; k < mechanism.muscles().size(); ++k) {
+    const Mechanism::Muscle& muscle = mechanism.muscles()[k];
+    double rate = 0;
+    ForEachArm(muscle.length, kinematics.paths, [&](int i, double c) { rate += c * q_dot(i); });
+    const double at = kinematics.muscles[k],
+                 force = activation(muscle.control) * (muscle.Force(at, rate) - muscle.Force(at, 0));
+    ForEachArm(muscle.length, kinematics.paths, [&](int i, double c) { tau(i) += c * force; });
+  }
 }
 
 }  // namespace fork1s

@@ -203,12 +203,13 @@ void Fields(A& a, Like<SpringDef, A>& s) {
 template <class A>
 void Fields(A& a, Like<ControlDef, A>& s) {
   auto& [name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
-         activation_lower, activation_upper, initial_activation] = s;
+         activation_lower, activation_upper, initial_activation, deactivation_time, smoothing] = s;
   a("name", name), a("terms", terms), a("gain", gain), a("is_setpoint", is_setpoint);
   a("lower", lower), a("upper", upper), a("initial", initial), a("along", along);
   a.Optional("dynamics", dynamics), a.Optional("time_constant", time_constant);
   a.Optional("activation_lower", activation_lower), a.Optional("activation_upper", activation_upper);
-  a.Optional("initial_activation", initial_activation);
+  a.Optional("initial_activation", initial_activation), a.Optional("deactivation_time", deactivation_time);
+  a.Optional("smoothing", smoothing);
 }
 
 template <class A>
@@ -231,14 +232,25 @@ void Fields(A& a, Like<ForceLimitDef, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<MuscleDef, A>& s) {
+  auto& [name, terms, control, force, length_lower, length_upper, range_lower, range_upper, lmin, lmax, vmax,
+         fpmax, fvmax, along] = s;
+  a("name", name), a("terms", terms), a("control", control), a("force", force);
+  a("length_lower", length_lower), a("length_upper", length_upper), a("range_lower", range_lower);
+  a("range_upper", range_upper), a("lmin", lmin), a("lmax", lmax), a("vmax", vmax), a("fpmax", fpmax);
+  a("fvmax", fvmax), a("along", along);
+}
+
+template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
   auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
-         length_limits, force_limits, interfaces, chosen, modes, modes_by_step, mode_choice, parent_filter] =
-      s;
+         length_limits, force_limits, muscles, interfaces, chosen, modes, modes_by_step, mode_choice,
+         parent_filter] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs),
       a("controls", controls);
   a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
+  a.Optional("muscles", muscles);  // files of versions before 21 have none
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
   a("modes_by_step", modes_by_step), a("mode_choice", mode_choice), a("parent_filter", parent_filter);
 }
@@ -283,10 +295,11 @@ void Fields(A& a, Like<SensorFrame, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<SensorActuator, A>& s) {
-  auto& [mechanism, terms, along, at_reference, inputs, stiffness, damping, bias, lower, upper] = s;
+  auto& [mechanism, terms, along, at_reference, inputs, muscle, stiffness, damping, bias, lower, upper] = s;
   a("mechanism", mechanism), a("terms", terms), a("along", along), a("at_reference", at_reference);
   a("inputs", inputs), a("stiffness", stiffness), a("damping", damping), a("bias", bias);
   a("lower", lower), a("upper", upper);
+  a.Optional("muscle", muscle);
 }
 
 template <class A>

@@ -193,6 +193,10 @@ class FullMechanism {
   VectorX Unknowns() const;
   void AddBodies(const Matrix6X& on_bodies, bool stiffening, MatrixX& right);
   void AddJoints(MatrixX& right);
+  /// tau += pull along a length; its slopes in the matrix.
+  void AddAlongLength(const Mechanism::Length& length, double pull, double stiffness, double damping,
+                      VectorX& tau);
+  void AddMuscle(const MuscleDef& muscle, VectorX& tau);
   double ServoForce(const Mechanism::ForceLimit& limit, const VectorX& q) const;  // at rest, without bounds
   void AddClosures(bool stiffening, MatrixX& right);
   // Poses that satisfy every constraint (mechanism_poses.cpp).

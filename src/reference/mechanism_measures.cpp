@@ -27,6 +27,11 @@ double FullMechanism::StoredEnergy() const {
     if (!m.HasPotential(s.length)) continue;
     const double length = Length(s.length, q_),
                  stretch = length - std::clamp(length, s.rest, s.rest + s.slack);
+    if (s.toe > 0) {  // a parabola of force up to the toe, then a line
+      const double in_toe = std::clamp(stretch, 0.0, s.toe), beyond = std::max(0.0, stretch - s.toe);
+      energy += s.stiffness * (std::pow(in_toe, 3) / (6 * s.toe) + 0.5 * beyond * (s.toe + beyond));
+      continue;
+    }
     energy += 0.5 * s.stiffness * stretch * stretch + s.higher_stiffness[0] * std::pow(stretch, 3) / 3 +
               s.higher_stiffness[1] * std::pow(stretch, 4) / 4;
   }

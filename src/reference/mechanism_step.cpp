@@ -81,6 +81,48 @@ void FullMechanism::AddBodies(const Matrix6X& on_bodies, bool stiffening, Matrix
   }
 }
 
+void FullMechanism::AddAlongLength(const Mechanism::Length& length, double pull, double stiffness,
+                                   double damping, VectorX& tau) {
+  ForEachArmAt(length, q_next_, [&](int i, double c) {
+    tau(i) += c * pull;
+    ForEachArmAt(length, q_next_, [&](int j, double d) {
+      dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j), c * d * h_ * (damping + h_ * stiffness));
+    });
+  });
+}
+
+// The active part: -a F0 F_L F_V with the two curves as pieces of parabolas, and as slopes of Newton's matrix central
+// differences where they are of springs and dampers.
+void FullMechanism::AddMuscle(const MuscleDef& muscle, VectorX& tau) {
+  const Mechanism& m = *mechanism_;
+  const auto& known = m.muscles();
+  const auto at =
+      std::find_if(known.begin(), known.end(), [&](const auto& k) { return k.name == muscle.name; });
+  const double unit = (muscle.length_upper - muscle.length_lower) / (muscle.range_upper - muscle.range_lower);
+  const double a = controls(at->control);
+  const auto pull = [&](double length, double rate) {
+    const double L = muscle.range_lower + (length - muscle.length_lower) / unit,
+                 V = rate / unit / muscle.vmax;
+    const auto square = [](double x) { return x * x; };
+    const double left = 0.5 * (muscle.lmin + 1), right = 0.5 * (1 + muscle.lmax);
+    double by_length = 0, by_rate = 0;
+    if (L >= muscle.lmin && L <= left) by_length = 0.5 * square((L - muscle.lmin) / (left - muscle.lmin));
+    if (L > left && L <= 1) by_length = 1 - 0.5 * square((1 - L) / (1 - left));
+    if (L > 1 && L <= right) by_length = 1 - 0.5 * square((L - 1) / (right - 1));
+    if (L > right && L <= muscle.lmax) by_length = 0.5 * square((muscle.lmax - L) / (muscle.lmax - right));
+    const double most = muscle.fvmax - 1;
+    if (V > -1 && V <= 0) by_rate = square(V + 1);
+    if (V > 0) by_rate = V >= most ? muscle.fvmax : muscle.fvmax - square(most - V) / most;
+    return -muscle.force * a * by_length * by_rate;
+  };
+  const double length = Length(at->length, q_next_), rate = LengthRate(at->length, q_next_, q_dot_next_);
+  constexpr double kStep = 1e-6;  // of L and V: truncated and rounded to 1e-10
+  const double dl = kStep * unit, dv = kStep * unit * muscle.vmax;
+  const double stiffness = (pull(length - dl, rate) - pull(length + dl, rate)) / (2 * dl),
+               damping = (pull(length, rate - dv) - pull(length, rate + dv)) / (2 * dv);
+  AddAlongLength(at->length, pull(length, rate), std::max(0.0, stiffness), std::max(0.0, damping), tau);
+}
+
 void FullMechanism::AddJoints(MatrixX& right) {
   const Mechanism& m = *mechanism_;
   const double h = h_;
@@ -101,6 +143,12 @@ void FullMechanism::AddJoints(MatrixX& right) {
     const double length = Length(s.length, q_next_), end = std::clamp(length, s.rest, s.rest + s.slack),
                  stretch = length - end, rate = LengthRate(s.length, q_next_, q_dot_next_),
                  speed = std::abs(rate);
+    if (s.toe > 0) {  // the passive part of a muscle
+      const double x = std::max(0.0, length - s.rest) / s.toe;
+      const double pull = -s.stiffness * s.toe * (x < 1 ? 0.5 * x * x : x - 0.5);
+      AddAlongLength(s.length, pull, s.stiffness * std::min(x, 1.0), 0, tau);
+      continue;
+    }
     const auto& [k2, k3] = s.higher_stiffness;
     const auto& [d2, d3] = s.higher_damping;
     const double pull = -(s.stiffness * stretch + k2 * stretch * stretch + k3 * std::pow(stretch, 3)) -
@@ -110,13 +158,9 @@ void FullMechanism::AddJoints(MatrixX& right) {
     const double stiffness =
                      slack ? 0 : std::max(0.0, s.stiffness + 2 * k2 * stretch + 3 * k3 * stretch * stretch),
                  damping = std::max(0.0, s.damping + 2 * d2 * speed + 3 * d3 * speed * speed);
-    ForEachArmAt(s.length, q_next_, [&](int i, double c) {
-      tau(i) += c * pull;
-      ForEachArmAt(s.length, q_next_, [&](int j, double d) {
-        dynamics_.Add(ColumnOfCoordinate(i), ColumnOfCoordinate(j), c * d * h * (damping + h * stiffness));
-      });
-    });
+    AddAlongLength(s.length, pull, stiffness, damping, tau);
   }
+  for (const MuscleDef& muscle : m.definition().muscles) AddMuscle(muscle, tau);
   // What a servo cannot give is taken back, and its stiffness with it.
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {
     const double f =

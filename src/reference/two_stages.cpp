@@ -76,14 +76,42 @@ void FullSimulation::Detail::StartBasePaths() {
 
 namespace {
 
-// Solves da/dt = (u - a)/T, or da/dt = u, over t from a, u moving at the rate r. Where it turns towards the inside of
+// Of a muscle: da/dt at its activation a and input u.
+double MuscleRate(const ControlDef& def, double a, double u) {
+  const auto held = [](double x) { return std::min(std::max(x, 0.0), 1.0); };
+  const double difference = held(u) - a, factor = 0.5 + 1.5 * held(a);
+  const double rise = def.time_constant * factor, fall = def.deactivation_time / factor;
+  if (def.smoothing == 0) return difference / (difference > 0 ? rise : fall);
+  const double x = held(0.5 + difference / def.smoothing);
+  return difference /
+         (fall + (rise - fall) * (6 * std::pow(x, 5) - 15 * std::pow(x, 4) + 10 * std::pow(x, 3)));
+}
+
+// Heun's rule of third order with halved steps until two halves differ by less than 1e-11 from the whole: where the rate
+// has a kink, steps become short by themselves.
+double SolveMuscle(const ControlDef& def, double a, double u, double r, double t, int halvings) {
+  const auto step = [&](double from, double start, double h) {
+    const auto rate = [&](double x, double s) { return MuscleRate(def, x, u + r * s); };
+    const double first = rate(from, start), second = rate(from + h / 3 * first, start + h / 3),
+                 third = rate(from + 2 * h / 3 * second, start + 2 * h / 3);
+    return from + h / 4 * (first + 3 * third);
+  };
+  const double whole = step(a, 0, t), halves = step(step(a, 0, t / 2), t / 2, t / 2);
+  if (std::abs(halves - whole) < 1e-11 || halvings == 0) return halves + (halves - whole) / 7;
+  const double middle = SolveMuscle(def, a, u, r, t / 2, halvings - 1);
+  return SolveMuscle(def, middle, u + r * t / 2, r, t / 2, halvings - 1);
+}
+
+// Solves da/dt = (u - a)/T, or da/dt = u, or that of a muscle over t from a, u moving at the rate r. Where it turns towards the inside of
 // the bounds, the rest is a problem of its own.
 double SolveActivation(const ControlDef& def, double a, double u, double r, double t) {
-  const bool lag = def.dynamics == ControlDynamics::kLag;
+  const bool lag = def.dynamics != ControlDynamics::kIntegrator;
   for (const double pivot : {lag ? def.activation_lower : 0, lag ? def.activation_upper : 0}) {
     const double at = (pivot - u) / r;
     if (at > 0 && at < t) return SolveActivation(def, SolveActivation(def, a, u, r, at), pivot, r, t - at);
   }
+  if (def.dynamics == ControlDynamics::kMuscle)
+    return std::min(std::max(SolveMuscle(def, a, u, r, t, 40), def.activation_lower), def.activation_upper);
   const double T = def.time_constant, last = u + r * t;
   const double free = lag ? (a - u + r * T) * std::exp(-t / T) + last - r * T : a + 0.5 * (u + last) * t;
   return std::min(std::max(free, def.activation_lower), def.activation_upper);

@@ -50,6 +50,12 @@ JointLoads LoadsOf(const Simulation& simulation, const MechanismDynamics& m, int
     out.actuator(i) -=
         share->stiffness * (m.Length(c.length) - share->Rest()) + share->damping * RateOf(m, c.length, q_dot);
   }
+  for (const Mechanism::Muscle& muscle : def.muscles()) {
+    const double pull = m.ActivationOf(muscle.control) *
+                        muscle.Force(m.Length(muscle.length), RateOf(m, muscle.length, q_dot));
+    m.AddLengthForce(muscle.length, pull, out.tau);
+    out.actuator(muscle.control) += pull;
+  }
   for (const Mechanism::ForceLimit& f : def.force_limits()) {
     double force = -f.stiffness * (m.Length(f.length) - f.rest) - f.damping * RateOf(m, f.length, q_dot);
     for (const auto& [input, gain] : f.inputs) force += gain * m.ActivationOf(input);

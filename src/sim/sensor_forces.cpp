@@ -242,6 +242,14 @@ double Sensors::ActuatorForce(const Simulation& simulation, const SensorActuator
   const MechanismPlace& place = simulation.place(actuator.mechanism);
   const MechanismDynamics& dynamics =
       simulation.world().mechanisms()[static_cast<std::size_t>(place.mechanism)];
+  const Mechanism& given = simulation.given_mechanism(actuator.mechanism);
+  for (std::size_t k = 0; k < given.muscles().size() && !actuator.muscle.empty(); ++k) {
+    const Mechanism::Muscle& muscle = given.muscles()[k];
+    if (muscle.name != actuator.muscle) continue;
+    const double counted = at - actuator.at_reference,  // passive and active part
+        a = dynamics.ActivationOf(place.first_control + muscle.control);
+    force += given.PassivePart(k).Force(counted) + a * muscle.Force(counted, rate);
+  }
   for (const auto& [name, gain] : actuator.inputs)
     for (std::size_t k = 0; k < controls.size(); ++k) {
       if (controls[k].name != name) continue;

@@ -43,6 +43,7 @@ void Contract(const MatrixX& stack, const VectorX& delta, MatrixX& out) {
 std::string WhatForbidsExpansion(const Mechanism& mechanism) {
   if (mechanism.base() != BaseKind::kFixed) return "its base moves";
   if (!mechanism.paths().empty()) return "path '" + mechanism.paths().front().name + "' bends with the pose";
+  if (!mechanism.muscles().empty()) return "muscle '" + mechanism.muscles().front().name + "' is not linear";
   for (const Mechanism::Spring& s : mechanism.springs())
     if (!s.is_linear()) return "spring '" + s.name + "' is not linear";
   return {};

@@ -67,7 +67,10 @@ void AddStiffnessOfPose(const MechanismStep& here, double b) {
     ws.matrix.A.triangularView<Eigen::Lower>() += b * b * ws.loads.K;
   }
   if (state.point_spring.IsActive()) AddPointSpringOperator(here, b);
-  if (model.size() > 0) AddNonlinearStiffness(here, b * b);
+  if (model.size() > 0) {
+    AddNonlinearStiffness(here, b * b);
+    AddMuscleOperator(here, b);
+  }
   ws.matrix.is_definite = ws.matrix.factor.Compute(ws.matrix.A);
 }
 

@@ -130,7 +130,10 @@ void ComputeMomentumResidual(const MechanismStep& here, double time, const Stage
   ConvertToCoordinateForces(model.mechanism(), ws.configuration.kinematics, ws.momentum_change.joint);
   GatherFromParts(model.mechanism(), ws.configuration.kinematics.S, ws.momentum_change.parts,
                   ws.momentum_change.joint);
-  if (b > 0) AddSpringDampers(here, b, ws.velocities.q_dot, ws.momentum_change.joint);
+  if (b > 0) {
+    AddSpringDampers(here, b, ws.velocities.q_dot, ws.momentum_change.joint);
+    AddMuscleDampers(here, b, ws.velocities.q_dot, ws.momentum_change.joint);
+  }
   if (model.size() > 0) {
     ReduceForce(*model.reduced, ws.Q_now(), ws.momentum_change.joint, ws.momentum_change.reduced);
     if (b > 0 && model.at_reference.closure_damping.size() > 0)

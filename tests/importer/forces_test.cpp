@@ -221,6 +221,36 @@ TEST(ImportForces, WhatIsNotSimulatedIsListed) {
   EXPECT_EQ(loaded.scene.mechanisms[0].controls.size(), 2u);  // slow, clipped
 }
 
+TEST(ImportForces, MusclesHaveTheirParameters) {
+  const ImportedScene loaded = MustLoad(Model("", R"(<actuator>
+    <muscle name="strong" joint="ja" gear=".1" lengthrange="-.2 .3" force="50" timeconst=".02 .06" tausmooth=".1"/>
+    <muscle name="scaled" joint="jb" gear=".1" lengthrange="-.2 .3" scale="300" range=".8 1.1" fpmax="2"/>
+    <muscle name="bound" joint="jc" lengthrange="-.2 .3" forcerange="-10 0"/>
+    <general name="isometric" joint="jc" lengthrange="-.2 .3" gaintype="muscle" gainprm=".7 1.1 40 200 .5 1.6 1.5 1.3 1.2"/>
+    <general name="mixed" joint="ja" lengthrange="-.2 .3" gaintype="muscle" gainprm=".7 1.1 40 200 .5 1.6 1.5 1.3 1.2"
+      biastype="affine" biasprm="0 -1 0"/>
+    <muscle name="endless" joint="jc"/></actuator>)"));
+  const MechanismDef& def = loaded.scene.mechanisms[0];
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "'mixed'"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "'endless'"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "forcerange"));
+  ASSERT_EQ(def.muscles.size(), 4u);
+  ASSERT_EQ(def.controls.size(), 4u);
+  EXPECT_EQ(def.controls[0].dynamics, ControlDynamics::kMuscle);
+  EXPECT_EQ(def.controls[0].time_constant, .02);
+  EXPECT_EQ(def.controls[0].deactivation_time, .06);
+  EXPECT_EQ(def.controls[0].smoothing, .1);
+  EXPECT_EQ(def.controls[3].dynamics, ControlDynamics::kNone);
+  EXPECT_EQ(def.muscles[0].force, 50);
+  EXPECT_EQ(def.muscles[0].length_lower, -.2);
+  // jb is at -0.3 rad at the reference, of 0.1 m/rad.
+  EXPECT_NEAR(def.muscles[1].length_lower, -.17, 1e-15);
+  EXPECT_NEAR(def.muscles[1].length_upper, .33, 1e-15);
+  EXPECT_EQ(def.muscles[1].range_lower, .8);
+  EXPECT_EQ(def.muscles[1].fpmax, 2);
+  EXPECT_EQ(def.muscles[3].fpmax, 0);
+}
+
 TEST(ImportForces, FiltersAndIntegratorsHaveAnActivation) {
   const std::vector<ControlDef> controls =
       MustLoad(Model("", R"(<actuator><general name="filter" joint="ja" dyntype="filter" dynprm=".3"/>

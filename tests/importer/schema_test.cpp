@@ -309,6 +309,10 @@ std::vector<SchemaElement> SchemaElements() {
            "");
   actuator("cylinder", "name=a;joint=shoulder;ctrlrange=-1 1",
            {"area=2", "bias=1 -1 -1", "diameter=1", "timeconst=.1"}, "");
+  actuator("muscle", "name=a;joint=shoulder;ctrlrange=0 1;lengthrange=-1 1",
+           {"timeconst=.02 .05", "tausmooth=.2", "range=.8 1", "force=10", "scale=300", "lmin=.4", "lmax=1.7",
+            "vmax=2", "fpmax=1.4", "fvmax=1.4"},
+           "");
   const std::string palm =
       "<worldbody><body name='palm' mocap='true'><geom size='.05'/><body pos='0 0 .2'><joint name='knuckle'/><geom "
       "size='.05'/></body></body></worldbody>";
@@ -399,7 +403,6 @@ TEST(Schema, EveryElementAndAttributeIsListed) {
                                           "body/flexcomp",
                                           "body/geom/plugin",
                                           "actuator/orientation",
-                                          "actuator/muscle",
                                           "actuator/adhesion",
                                           "actuator/damper",
                                           "actuator/plugin",

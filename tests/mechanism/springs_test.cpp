@@ -202,6 +202,67 @@ TEST(ControlForce, SumsTermsAndControls) {
   EXPECT_LE((tau - expected).norm(), 1e-13 * expected.norm());
 }
 
+// A muscle on a hinge, of length 0.1 q.
+Mechanism MuscleOnHinge() {
+  MechanismBuilder builder("arm");
+  const BodyIndex body =
+      builder.AddBody({"link", builder.base(), {}, {1, Vector3::Zero(), Matrix3::Identity() * 0.1}, {}});
+  const JointIndex hinge = builder.AddJoint(JointDef::Hinge("hinge", body, Vector3::UnitZ()));
+  ControlDef control;
+  control.name = "nerve";
+  control.terms = {{FreedomRef{hinge, 0}, 0.1}};
+  builder.AddControl(control);
+  MechanismDef def = builder.definition();
+  MuscleDef muscle;
+  muscle.name = "flexor";
+  muscle.terms = control.terms;
+  muscle.control = control.name;
+  muscle.force = 100;
+  muscle.length_lower = -0.06, muscle.length_upper = 0.06;
+  def.muscles = {muscle};
+  return BuildOrThrow(def);
+}
+
+TEST(MuscleForce, DerivativesAreDifferences) {
+  const Mechanism m = MuscleOnHinge();
+  const Mechanism::Muscle& muscle = m.muscles()[0];
+  const Mechanism::Spring& passive = m.PassivePart(0);
+  constexpr double kStep = 1e-7;  // m and m/s: rounded to 1e-7 of a force of 100 N over 0.4 m
+  int rising = 0, falling = 0;
+  RandomSource random(3);
+  for (int i = 0; i < 500; ++i) {
+    const double at = random.Uniform(-0.25, 0.4), rate = random.Uniform(-0.8, 0.4);
+    const double by_length = (muscle.Force(at + kStep, rate) - muscle.Force(at - kStep, rate)) / (2 * kStep);
+    const double by_rate = (muscle.Force(at, rate + kStep) - muscle.Force(at, rate - kStep)) / (2 * kStep);
+    // A kink of the slope within the difference: 8 F0/(optimum lmax - 1)² times the step.
+    EXPECT_NEAR(muscle.ForceByLength(at, rate), by_length, 2e-2);
+    EXPECT_NEAR(muscle.ForceByRate(at, rate), by_rate, 2e-2);
+    EXPECT_LE(muscle.ForceByRate(at, rate), 0);
+    EXPECT_NEAR(passive.StiffnessAt(at),
+                (passive.Force(at - kStep) - passive.Force(at + kStep)) / (2 * kStep), 2e-2);
+    EXPECT_NEAR(passive.Force(at), (passive.Energy(at - kStep) - passive.Energy(at + kStep)) / (2 * kStep),
+                1e-4);
+    rising += by_length<-1, falling += by_length> 1;
+  }
+  EXPECT_GT(std::min(rising, falling), 20);
+  // At the optimum, by definition.
+  EXPECT_NEAR(muscle.Force(muscle.zero + muscle.optimum, 0), -100, 1e-12);
+  EXPECT_EQ(muscle.Force(muscle.zero + muscle.optimum, -1.5 * muscle.optimum), 0);
+}
+
+TEST(MuscleForce, StandsWithControlsAtRestAndWithTheRateBeyond) {
+  const Mechanism m = MuscleOnHinge();
+  const VectorX q = VectorX::Constant(1, 0.3), q_dot = VectorX::Constant(1, -2.0),
+                a = VectorX::Constant(1, 0.7);
+  const Mechanism::Muscle& muscle = m.muscles()[0];
+  VectorX tau = VectorX::Zero(1);
+  AddControlForce(m, At(m, q), a, tau);
+  EXPECT_NEAR(tau(0), 0.1 * 0.7 * muscle.Force(0.03, 0), 1e-14);
+  AddMuscleRateForce(m, At(m, q), a, q_dot, tau);
+  EXPECT_NEAR(tau(0), 0.1 * 0.7 * muscle.Force(0.03, -0.2), 1e-14);
+  EXPECT_LT(tau(0), -0.1);
+}
+
 TEST(ScaleStiffness, ScalesSpringsDampersAndServosAlike) {
   for (unsigned seed = 0; seed < kSeeds; ++seed) {
     const MechanismDef def = RandomMechanismDef(seed, Everything());

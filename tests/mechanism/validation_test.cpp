@@ -24,6 +24,17 @@ PathDef& AddFrames(MechanismDef& def, PathKind kind, int count) {
   return def.paths.back();
 }
 
+MuscleDef& AddMuscle(MechanismDef& def) {
+  MuscleDef muscle;
+  muscle.name = "flexor";
+  muscle.terms = {{FreedomRef{JointIndex(0), 0}, 0.1}};
+  muscle.control = def.controls[0].name;
+  muscle.force = 100;
+  muscle.length_lower = -0.1, muscle.length_upper = 0.1;
+  def.muscles.push_back(muscle);
+  return def.muscles.back();
+}
+
 // base - upper (hinge "shoulder") - lower (ball "elbow"), base - rod (slide "rail"), with one of everything.
 MechanismDef Good() {
   MechanismBuilder builder("machine");
@@ -250,6 +261,22 @@ std::vector<Fault> ConnectionFaults() {
        "activation"},
       {"control limits", [](auto& d) { d.controls[0].lower = 1, d.controls[0].upper = 0; }, "control 'motor'",
        "limits"},
+      {"muscle activation in no time",
+       [](auto& d) { d.controls[0].dynamics = ControlDynamics::kMuscle, d.controls[0].time_constant = 0.01; },
+       "control 'motor'", "deactivation time 0 s"},
+      {"muscle without a control", [](auto& d) { AddMuscle(d).control = "nerve"; }, "muscle 'flexor'",
+       "'nerve'"},
+      {"muscle of negative force", [](auto& d) { AddMuscle(d).force = -1; }, "muscle 'flexor'", "force -1 N"},
+      {"muscle of one length", [](auto& d) { AddMuscle(d).length_upper = -0.1; }, "muscle 'flexor'",
+       "length range"},
+      {"muscle of a reversed range", [](auto& d) { AddMuscle(d).range_lower = 2; }, "muscle 'flexor'",
+       "range 2"},
+      {"muscle that cannot stretch", [](auto& d) { AddMuscle(d).lmax = 1; }, "muscle 'flexor'", "lmax 1"},
+      {"muscle without speed", [](auto& d) { AddMuscle(d).vmax = 0; }, "muscle 'flexor'", "vmax 0"},
+      {"muscle that weakens as it lengthens", [](auto& d) { AddMuscle(d).fvmax = 0.9; }, "muscle 'flexor'",
+       "fvmax 0.9"},
+      {"muscle of nothing", [](auto& d) { AddMuscle(d).terms[0].first.joint = JointIndex(3); },
+       "muscle 'flexor'", "does not exist"},
       {"unknown interface", [](auto& d) { d.interfaces.push_back("tail"); }, "interface 'tail'", "machine"},
       {"negative modes", [](auto& d) { d.modes = -1; }, "machine", "modes"},
   };

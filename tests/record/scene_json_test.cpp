@@ -100,11 +100,17 @@ class BitList {
   void Add(const ControlDef& c) {
     Add(c.name), Add(c.terms), Add(c.gain), Add(c.is_setpoint), Add(c.lower), Add(c.upper), Add(c.initial);
     Add(c.along), Add(static_cast<int>(c.dynamics)), Add(c.time_constant), Add(c.activation_lower);
-    Add(c.activation_upper), Add(c.initial_activation);
+    Add(c.activation_upper), Add(c.initial_activation), Add(c.deactivation_time), Add(c.smoothing);
+  }
+  void Add(const MuscleDef& m) {
+    Add(m.name), Add(m.terms), Add(m.control), Add(m.along);
+    for (const double x : {m.force, m.length_lower, m.length_upper, m.range_lower, m.range_upper, m.lmin,
+                           m.lmax, m.vmax, m.fpmax, m.fvmax})
+      Add(x);
   }
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
-    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.interfaces),
+    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.muscles), Add(m.interfaces),
         Add(m.interfaces_chosen), Add(m.modes), Add(static_cast<int>(m.parent_filter));
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }

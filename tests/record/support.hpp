@@ -187,7 +187,20 @@ inline Scene SceneWithEverything(unsigned seed) {
     m.joints[0].freedoms[0].lower = -random.Uniform(0, 2);
     m.controls[0].upper = random.Uniform(1, 2);
     m.controls[0].initial = -0.0;
-    m.controls[1].dynamics = static_cast<ControlDynamics>(i);
+    m.controls[1].dynamics = static_cast<ControlDynamics>((i + static_cast<int>(seed % 2)) % 4);
+    m.controls[1].deactivation_time = random.Uniform(0.01, 1);
+    m.controls[1].smoothing = random.Uniform(0, 1);
+    MuscleDef muscle;
+    muscle.name = "muscle";
+    muscle.terms = m.controls[0].terms;
+    muscle.control = m.controls[0].name;
+    muscle.force = random.Uniform(0, 100);
+    muscle.length_lower = -random.Uniform(0.1, 1), muscle.length_upper = random.Uniform(0.1, 1);
+    muscle.range_lower = random.Uniform(0.5, 0.8), muscle.range_upper = random.Uniform(1, 1.2);
+    muscle.lmin = random.Uniform(0.3, 0.6), muscle.lmax = random.Uniform(1.4, 1.8);
+    muscle.vmax = random.Uniform(1, 2), muscle.fpmax = random.Uniform(1, 2),
+    muscle.fvmax = random.Uniform(1, 2);
+    m.muscles.push_back(muscle);
     m.controls[1].time_constant = random.Uniform(0.01, 1);
     m.controls[1].activation_upper = random.Uniform(1, 2);
     m.controls[1].initial_activation = random.Uniform(0, 1);

@@ -244,6 +244,9 @@ enum class ControlDynamics {
   kNone,        ///< a = u
   kLag,         ///< da/dt = (u - a)/time_constant
   kIntegrator,  ///< da/dt = u
+  /// da/dt = (u - a)/τ with u held between 0 and 1: τ = time_constant (0.5 + 1.5 a) where a rises, deactivation_time /
+  /// (0.5 + 1.5 a) where it falls, a held between 0 and 1 in both.
+  kMuscle,
 };
 
 /// An input u that pushes with force gain·coefficient·u on each of its freedoms, and gain·u along a path. For
@@ -259,11 +262,32 @@ struct ControlDef {
   double initial = 0;
   PathUse along = {};
   ControlDynamics dynamics = ControlDynamics::kNone;
-  double time_constant = 0;  // s, above 0, of a lag
+  double time_constant = 0;  // s, above 0, of a lag, and of a muscle whose activation rises
   // Of the activation, in units of u, or u·s where it is integrated; it stops at its bounds.
   double activation_lower = -std::numeric_limits<double>::infinity();
   double activation_upper = std::numeric_limits<double>::infinity();
   double initial_activation = 0;
+  double deactivation_time = 0;  // s, of a muscle whose activation falls
+  double smoothing =
+      0;  // of a muscle: over this range of u - a its τ goes from one to the other; 0: it jumps
+};
+
+/// A muscle with the curves of MuJoCo: the force along the length ℓ is
+///     -force (a F_L(L) F_V(V) + F_P(L)),   V = dL/dt / vmax
+/// with the activation a of a control and the normalized length L: from range_lower at length_lower to range_upper at
+/// length_upper, 1 where the muscle is strongest.
+struct MuscleDef {
+  std::string name;
+  std::vector<std::pair<FreedomRef, double>> terms;
+  std::string control;                        // name
+  double force = 0;                           // N: at a = 1, L = 1 and V = 0
+  double length_lower = 0, length_upper = 0;  // m, counted from the reference
+  double range_lower = 0.75, range_upper = 1.05;
+  double lmin = 0.5, lmax = 1.6;  // L between which it can act
+  double vmax = 1.5;              // 1/s: dL/dt at which it gives nothing
+  double fpmax = 1.3;             // twice F_P half way from L = 1 to lmax; it is linear beyond
+  double fvmax = 1.2;             // F_V where it is lengthened fast
+  PathUse along = {};
 };
 
 enum class BaseKind {
@@ -300,6 +324,7 @@ struct MechanismDef {
   std::vector<DryFrictionDef> frictions;
   std::vector<LengthLimitDef> length_limits;
   std::vector<ForceLimitDef> force_limits;
+  std::vector<MuscleDef> muscles;
   std::vector<std::string> interfaces;  // names of the bodies that touch the world
   bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
   int modes = 4;                        // fixed-interface modes to keep

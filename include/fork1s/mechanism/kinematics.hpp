@@ -25,9 +25,10 @@ struct Kinematics {
   std::vector<RigidTransform> X_RB;  // per body
   Matrix6X S;                        // present screws, 6 x n
   std::vector<PathState> paths;      // per Mechanism::paths()
+  std::vector<double> muscles;       // lengths, per Mechanism::muscles()
 };
 
-/// Fills prefixes, body poses, present screws and paths at q [n].
+/// Fills prefixes, body poses, present screws, paths and lengths of muscles at q [n].
 void ComputeKinematics(const Mechanism& mechanism, const VectorX& q, Kinematics& out);
 
 /// f(coordinate, ∂length/∂q) for every term of a length, paths as `paths` has them.
@@ -117,9 +118,13 @@ MatrixX StiffnessMatrix(const Mechanism& mechanism, const Kinematics& kinematics
 MatrixX DampingMatrix(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
 /// Energy stored in all springs that have a potential [J].
 double SpringEnergy(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q);
-/// τ += control forces for inputs u (one per Mechanism::controls()).
+/// τ += control forces for inputs u (one per Mechanism::controls()), of muscles those of their activations at rest.
 void AddControlForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& u,
                      VectorX& tau);
+
+/// τ += what muscles give beyond AddControlForce at the joint rates q_dot.
+void AddMuscleRateForce(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& activation,
+                        const VectorX& q_dot, VectorX& tau);
 
 /// Moves q onto the closures by Gauss-Newton in the metric H = max(k, 1e-3 k_max). Returns the gap left [m].
 /// Used to repair an initial pose; `max_iterations` Newton steps at most.

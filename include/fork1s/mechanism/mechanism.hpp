@@ -78,12 +78,15 @@ class Mechanism {
     double stiffness, damping, rest;
     std::array<double, 2> higher_stiffness = {}, higher_damping = {};
     double slack = 0;
+    // Above 0, as of a muscle's passive part: it only pulls, and its stiffness grows evenly from 0 at the stretch 0 to
+    // `stiffness` at this one.
+    double toe = 0;
 
     /// Where it is, the matrix of a stage keeps the stiffness of the reference: whatever bends force or damper
     /// counts here.
     bool is_linear() const {
       const std::array<double, 2> none = {};
-      return higher_stiffness == none && higher_damping == none && slack == 0;
+      return higher_stiffness == none && higher_damping == none && slack == 0 && toe == 0;
     }
     /// -1: shorter than where it is slack, 1: longer, 0: slack. Without slack it always is one of the two.
     int SideOf(double at) const { return at < rest ? -1 : at > rest + slack || slack == 0 ? 1 : 0; }
@@ -95,22 +98,43 @@ class Mechanism {
     /// Pull of the spring at a length, without its damper.
     double Force(double at) const {
       const double s = Stretch(at);
+      if (toe > 0) return s <= 0 ? 0 : -stiffness * (s < toe ? s * s / (2 * toe) : s - toe / 2);
       return -s * (stiffness + s * (higher_stiffness[0] + s * higher_stiffness[1]));
     }
     double Energy(double at) const {
       const double s = Stretch(at);
+      if (toe > 0)
+        return s <= 0    ? 0
+               : s < toe ? stiffness * s * s * s / (6 * toe)
+                         : stiffness * (toe * toe / 6 + s * (s - toe) / 2);
       return s * s * (stiffness / 2 + s * (higher_stiffness[0] / 3 + s * higher_stiffness[1] / 4));
     }
     /// How the pull falls with the length; 0 where it grows, and nothing would hold by it.
     double StiffnessAt(double at) const { return SideOf(at) == 0 ? 0 : StiffnessOf(Stretch(at)); }
     /// The same by the stretch.
     double StiffnessOf(double s) const {
+      if (toe > 0) return stiffness * std::min(std::max(s / toe, 0.0), 1.0);
       return std::max(0.0, stiffness + s * (2 * higher_stiffness[0] + 3 * s * higher_stiffness[1]));
     }
     /// Share of the rate that the damper's force is; never negative.
     double DampingAt(double rate) const {
       return std::max(0.0, damping + std::abs(rate) * higher_damping[0] + rate * rate * higher_damping[1]);
     }
+  };
+  /// The active part of a muscle. Its passive part is a spring of the same name.
+  struct Muscle {
+    std::string name;
+    Length length;
+    int control;              // in controls(), by whose activation a the force is multiplied
+    double force;             // N
+    double optimum, zero;     // m: L = (length - zero) / optimum
+    double lmin, lmax, vmax;  // vmax: 1/s
+    double fvmax;
+
+    /// At a = 1 [N], and its derivatives by the length and by the rate.
+    double Force(double at, double rate) const;
+    double ForceByLength(double at, double rate) const;
+    double ForceByRate(double at, double rate) const;
   };
   struct Coupling {
     std::string name;
@@ -188,6 +212,11 @@ class Mechanism {
   const std::vector<Path>& paths() const { return paths_; }
   const std::vector<Spring>& springs() const { return springs_; }
   const std::vector<Control>& controls() const { return controls_; }
+  const std::vector<Muscle>& muscles() const { return muscles_; }
+  /// Those of muscles are the last springs.
+  const Spring& PassivePart(std::size_t muscle) const {
+    return springs_[springs_.size() - muscles_.size() + muscle];
+  }
   const std::vector<DryFriction>& frictions() const { return frictions_; }
   const std::vector<ForceLimit>& force_limits() const { return force_limits_; }
   /// Those of single coordinates first.
@@ -252,6 +281,7 @@ class Mechanism {
   std::vector<Path> paths_;
   std::vector<Spring> springs_;
   std::vector<Control> controls_;
+  std::vector<Muscle> muscles_;
   std::vector<DryFriction> frictions_;
   std::vector<ForceLimit> force_limits_;
   std::vector<LengthLimit> length_limits_;

@@ -68,6 +68,7 @@ struct SensorActuator {
   PathUse along = {};
   double at_reference = 0;
   std::vector<std::pair<std::string, double>> inputs;  // ControlDef::name, gain
+  std::string muscle;                                  // MuscleDef::name, whose force is added; empty: none
   double stiffness = 0, damping = 0;
   double bias = 0;                                          // N or N·m
   double lower = -std::numeric_limits<double>::infinity();  // N or N·m

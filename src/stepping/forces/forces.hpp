@@ -59,6 +59,10 @@ void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematic
 bool DampersTurn(const MechanismModel& model);
 /// tau [n] -= b times the forces of dampers along lengths at joint rates q_dot [n].
 void AddSpringDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau);
+/// tau [n] += b times what the rates of their lengths change muscles by, at joint rates q_dot [n] (muscles.cpp).
+void AddMuscleDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau);
+/// A += the operator of the active parts of muscles in a stage of length b [s] (muscles.cpp).
+void AddMuscleOperator(const MechanismStep& here, double b);
 /// D += weight times what dampers are here beyond D of the model; `bent`: those of springs that are not
 /// linear too, at the rates w [r].
 void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
