@@ -204,8 +204,8 @@ TEST(MuscleMotion, IsMuJoCosOfSecondOrder) {
     full_error[k] = (full.Displacements(0) - theirs.head<2>()).norm();
     activation_error[k] =
         (reduced.world().mechanisms()[0].activation() - theirs.tail<6>()).cwiseAbs().maxCoeff();
-    // Two codes of one rule, by the tolerance of a stage.
-    EXPECT_LT((full.Displacements(0) - reduced.JointCoordinates(0)).norm(), 1e-6) << h;
+    // Two codes of one rule: the tolerance of a stage, 1e-6 of its motion, over a way of some radians.
+    EXPECT_LT((full.Displacements(0) - reduced.JointCoordinates(0)).norm(), 5e-6) << h;
   }
   for (const double* error : {reduced_error, full_error}) {
     SCOPED_TRACE(std::to_string(error[0]) + " " + std::to_string(error[1]) + " " + std::to_string(error[2]));
