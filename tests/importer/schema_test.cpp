@@ -266,16 +266,17 @@ std::vector<SchemaElement> SchemaElements() {
   equality("tendon", "name=e;tendon1=t;tendon2=u", {"polycoef=0 2 0 0 0", "tendon2=-"}, " class tendon1 ");
   const auto actuator = [&](const std::string& kind, const std::string& base,
                             std::vector<std::string> changes, const std::string& none) {
-    for (const char* common : {"armature=.1", "damping=.3", "damping=.3 .1", "delay=.1;nsample=5", "gear=2",
-                               "name=b", "tendon=t;joint=-", "site=tip;refsite=mid;joint=-;gear=0 1 0 0 0 0",
-                               "cranksite=mid;slidersite=tip;cranklength=.3;joint=-"})
+    for (const char* common :
+         {"armature=.1", "damping=.3", "damping=.3 .1", "delay=.1;nsample=5", "gear=2", "name=b",
+          "tendon=t;joint=-", "cranksite=mid;slidersite=tip;cranklength=.3;joint=-"})
       changes.push_back(common);
-    // A DC motor has its bounds by saturation; the rate of a set-point is noted as a whole.
+    const bool takes_site = kind != "muscle";  // by <general> alone
+    if (takes_site) changes.push_back("site=tip;refsite=mid;joint=-;gear=0 1 0 0 0 0");
+    // A DC motor has its bounds by saturation.
     if (kind != "dcmotor")
       for (const char* bounds : {"forcerange=-3 3", "forcelimited=true;forcerange=-3 3"})
         changes.push_back(bounds);
-    if (kind != "intvelocity")
-      for (const char* bounds : {"ctrlrange=-2 2", "ctrllimited=false"}) changes.push_back(bounds);
+    for (const char* bounds : {"ctrlrange=-2 2", "ctrllimited=false"}) changes.push_back(bounds);
     all.push_back(
         {"actuator/" + kind,
          ArmModel("", "",
@@ -283,8 +284,8 @@ std::vector<SchemaElement> SchemaElements() {
                   "coef='1'/></fixed></tendon><actuator><" +
                       kind + " $/></actuator>"),
          base, changes,
-         none +
-             " class cranklength group interp joint jointinparent lengthrange nsample refsite slidersite user "});
+         none + " class cranklength group interp joint jointinparent lengthrange nsample slidersite user " +
+             (takes_site ? "refsite " : "")});
   };
   actuator("general", "name=a;joint=shoulder;ctrlrange=-1 1;gainprm=2;biastype=affine;biasprm=0 -2 -1",
            {"actdim=2;dyntype=user", "actrange=-1 1;dyntype=integrator;actlimited=true",
@@ -296,8 +297,7 @@ std::vector<SchemaElement> SchemaElements() {
            {"kp=4", "kv=1", "dampratio=1", "timeconst=.1"}, " inheritrange ");
   actuator("velocity", "name=a;joint=shoulder;ctrlrange=-1 1;kv=3", {"kv=4"}, "");
   actuator("intvelocity", "name=a;joint=shoulder;ctrlrange=-1 1;kp=3;actrange=-1 1",
-           {"kp=4", "kv=1", "dampratio=1", "actrange=-.5 .5"},
-           " actlimited ctrllimited ctrlrange inheritrange ");
+           {"kp=4", "kv=1", "dampratio=1", "actrange=-.5 .5"}, " actlimited inheritrange ");
   actuator("pid", "name=a;joint=shoulder;ctrlrange=-1 1;kp=3;kv=1",
            {"kp=4", "kv=2", "dampratio=1;kv=-", "ki=1", "imax=1;ki=1", "slewmax=1", "input=pos",
             "posrange=-2 2;ctrlrange=-", "velrange=-1 1;input=pos vel", "ffrange=-1 1;input=pos ff"},

@@ -303,6 +303,7 @@ inline Scene SceneWithEverything(unsigned seed) {
                        {0, -0.5},
                        random.Uniform(-1, 1),
                        {{"control", random.Uniform(-1, 1)}},
+                       "muscle",
                        random.Uniform(0, 1),
                        random.Uniform(0, 1),
                        random.Uniform(-1, 1),
