@@ -264,6 +264,12 @@ std::vector<Fault> ConnectionFaults() {
       {"muscle activation in no time",
        [](auto& d) { d.controls[0].dynamics = ControlDynamics::kMuscle, d.controls[0].time_constant = 0.01; },
        "control 'motor'", "deactivation time 0 s"},
+      {"muscle activation that is too short",
+       [](auto& d) {
+         d.controls[0].dynamics = ControlDynamics::kMuscle;
+         d.controls[0].time_constant = 1e-5, d.controls[0].deactivation_time = 0.999e-5;
+       },
+       "control 'motor'", "1e-05 s or more"},
       {"muscle without a control", [](auto& d) { AddMuscle(d).control = "nerve"; }, "muscle 'flexor'",
        "'nerve'"},
       {"muscle of negative force", [](auto& d) { AddMuscle(d).force = -1; }, "muscle 'flexor'", "force -1 N"},
