@@ -3,31 +3,18 @@
 
 #include <fork1s/fork1s.h>
 
-#include <fork1s/base/error.hpp>
 #include <string>
 #include <type_traits>
 #include <utility>
 
+#include "base/refused.hpp"
+
 namespace fork1s::c {
 
-/// An error on its way to the caller.
-struct Refused {
-  Error error;
-};
+using internal::Refused;
+using internal::Take;
 
 [[noreturn]] void Misuse(std::string message);
-
-/// The value, or Refused. `file`: what the command line would put before the sentence.
-template <class T>
-T Take(Expected<T> expected, const std::string& file = {}) {
-  if (!expected) {
-    Error error = std::move(expected.error());
-    if (!file.empty() && error.where.rfind(file, 0) != 0)
-      error.where = error.where.empty() ? file : file + ": " + error.where;
-    throw Refused{std::move(error)};
-  }
-  if constexpr (!std::is_void_v<T>) return std::move(*expected);
-}
 
 /// Status and message of the exception at hand, in a catch block. The message begins with `function`.
 fork1s_status StoreError(const char* function) noexcept;
