@@ -88,8 +88,10 @@ endfunction()
 
 # Of an inline function that several files compile the linker keeps the copy that comes first. So that this is the
 # optimised one of the rooms and never the target's, whose last bits may be others (each level of optimisation fuses other
-# multiply-adds), the rooms are linked whole and before its own files, the inner ones first.
+# multiply-adds), the rooms are linked whole and before its own files, the inner ones first. INNER: of the outer ones only
+# what it uses.
 function(fork1s_link_rooms_first target)
+  cmake_parse_arguments(ARG "INNER" "" "" ${ARGN})
   if(NOT CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang" OR APPLE)
     return()
   endif()
@@ -98,7 +100,9 @@ function(fork1s_link_rooms_first target)
   set(outer "")
   foreach(room ${rooms})
     get_target_property(is_outer ${room} FORK1S_OUTER)
-    if(is_outer)
+    if(is_outer AND ARG_INNER)
+      continue()
+    elseif(is_outer)
       list(APPEND outer $<TARGET_FILE:${room}>)
     else()
       list(APPEND inner $<TARGET_FILE:${room}>)

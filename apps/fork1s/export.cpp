@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "checks.hpp"
+#include "export_unit.hpp"
 #include "model_arguments.hpp"
 #include "output.hpp"
 #include "page.hpp"
@@ -21,6 +22,7 @@ namespace {
 
 struct ExportArguments {
   ModelArguments model;  // its path: of a recording too
+  UnitArguments unit;
   std::string out, look_at;
   bool all_bodies = false, video = false;
   VideoOptions options;
@@ -111,25 +113,28 @@ int WriteFilm(const Recording& recording, const ExportArguments& args) {
   return kDone;
 }
 
-// Options of a recording say nothing of a model, and the other way round.
-Expected<void> RefuseForeignOptions(const ExportArguments& args, bool of_model) {
-  for (const CLI::Option* option : args.command->get_options())
-    if (option->count() > 0 && !option->get_positional() &&
-        (option->get_group() == kModelOptions || option->get_name() == "--json") != of_model)
-      return Fail(ErrorCode::kUsage, option->get_name(),
-                  of_model
-                      ? "belongs to the export of a recording; OUT.xml is written of a model"
-                      : "belongs to the export of a model to OUT.xml; a recording has its model as it was "
-                        "simulated");
+enum class Output { kOfRecording, kModel, kUnit };
+
+// Each kind of output has options of its own.
+Expected<void> RefuseForeignOptions(const ExportArguments& args, Output output) {
+  for (const CLI::Option* option : args.command->get_options()) {
+    if (option->count() == 0 || option->get_positional()) continue;
+    const bool of_model = option->get_group() == kModelOptions || option->get_name() == "--json";
+    const bool of_unit = option->get_group() == kUnitOptions;
+    if (of_unit ? output == Output::kUnit : of_model == (output != Output::kOfRecording)) continue;
+    return Fail(ErrorCode::kUsage, option->get_name(),
+                of_unit ? "belongs to the export of a model to OUT.fmu"
+                : of_model
+                    ? "belongs to the export of a model to OUT.xml or OUT.fmu; a recording has its model as "
+                      "it was simulated"
+                    : "belongs to the export of a recording; OUT.xml and OUT.fmu are written of a model");
+  }
   return {};
 }
 
 int ExportModel(const ExportArguments& args) {
   const auto refuse = [&](const Error& error) { return Report(error, args.model.json); };
-  if (IsHdf5(args.model.path))
-    return refuse({ErrorCode::kUsage, args.model.path,
-                   "is a recording, which has no model file to write; give the MJCF or URDF in its place"});
-  if (auto ok = RefuseForeignOptions(args, true); !ok) return refuse(ok.error());
+  if (auto ok = RefuseForeignOptions(args, Output::kModel); !ok) return refuse(ok.error());
   // Writing needs the compiled model in this process: a child reads it first.
   if (const auto read = args.model.Load(); !read) return refuse(read.error());
   const auto written = args.model.WriteMjcf(args.out);
@@ -158,15 +163,25 @@ int Run(const ExportArguments& args) {
     return std::find(names.begin(), names.end(), extension) != names.end();
   };
   if (auto ok = RefuseInputs(args.out, {args.model.path}); !ok) return Report(ok.error(), args.model.json);
-  if (is({".xml", ".mjcf"})) return ExportModel(args);
-  if (auto ok = RefuseForeignOptions(args, false); !ok) return Report(ok.error(), false);
+  const bool model = is({".xml", ".mjcf"}), unit = is({".fmu"});
+  if ((model || unit) && IsHdf5(args.model.path))
+    return Report({ErrorCode::kUsage, args.model.path,
+                   "is a recording, which has no model file to write; give the MJCF or URDF in its place"},
+                  args.model.json);
+  if (model) return ExportModel(args);
+  if (unit) {
+    if (auto ok = RefuseForeignOptions(args, Output::kUnit); !ok) return Report(ok.error(), args.model.json);
+    return ExportUnit(args.model, args.unit, args.out);
+  }
+  if (auto ok = RefuseForeignOptions(args, Output::kOfRecording); !ok) return Report(ok.error(), false);
   const bool page = is({".html", ".htm"}), gltf = is({".glb", ".gltf"}), film = is({".mp4", ".png"});
   if (!page && !gltf && !film && !extension.empty() && !args.video && !std::filesystem::is_directory(out))
     return Report(
         {ErrorCode::kUsage, args.out,
-         fmt::format("the extension '{0}' is not known; known are .html, .glb, .gltf, .mp4 and .png, "
-                     ".xml for a model, and a folder for CSV tables: write {1}/ if it is the name of one",
-                     extension, args.out)},
+         fmt::format(
+             "the extension '{0}' is not known; known are .html, .glb, .gltf, .mp4 and .png, "
+             ".xml and .fmu for a model, and a folder for CSV tables: write {1}/ if it is the name of one",
+             extension, args.out)},
         false);
   if (args.color_by_option->count() > 0 && !film && !args.video)
     return Report({ErrorCode::kUsage, "--color-by",
@@ -201,12 +216,14 @@ Expected<std::string> MakeReplayPage(const Recording& recording) {
 void AddExport(CLI::App& app, Action& action) {
   auto* command = app.add_subcommand("export",
                                      "write a recording as CSV tables, a page that plays it, a glTF "
-                                     "animation or a film; or a model as MJCF");
+                                     "animation or a film; or a model as MJCF or as a functional "
+                                     "mock-up unit (FMI)");
   auto args = std::make_shared<ExportArguments>();
   args->command = command;
   args->model.AddTo(*command);
+  args->unit.AddTo(*command);
   command->get_option("model")->description(
-      "HDF5 file of 'fork1s run --record'; for FILE.xml a model, MJCF or URDF");
+      "HDF5 file of 'fork1s run --record'; for FILE.xml and FILE.fmu a model, MJCF or URDF");
   command
       ->add_option(
           "out", args->out,
@@ -216,7 +233,8 @@ void AddExport(CLI::App& app, Action& action) {
           "plays from "
           "disk; FILE.glb, FILE.gltf: a moving scene for other programs; FILE.mp4: a film; "
           "FILE.png: the moment --at; with --video a folder for PNG frames; FILE.xml: the model with its "
-          "options as MJCF for MuJoCo")
+          "options as MJCF for MuJoCo; FILE.fmu: the model with its options for co-simulation in programs that "
+          "speak FMI")
       ->required();
   command->add_flag("--all-bodies", args->all_bodies,
                     "tables: poses of every body, not only of interface and free ones");
