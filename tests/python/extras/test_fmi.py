@@ -1,6 +1,7 @@
 """Functional mock-up units that `fork1s export` writes, run by FMPy, beside Python's own simulation of the same model."""
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 import fork1s
 
 fmpy = pytest.importorskip("fmpy")
+from fmpy.fmi1 import FMICallException  # noqa: E402
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE  # noqa: E402
 from fmpy.fmi3 import FMU3Slave, fmi3LogMessageCallback  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
@@ -200,3 +202,164 @@ def test_simulate_fmu_runs_it(fmi: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         result[f"joints.{identifier(joint)}.position"][-1], sim.qpos[sim.joints[joint]["qpos"]]
     )
+
+
+def test_state_is_restored_to_the_bit_and_two_instances_are_apart(unit_of) -> None:
+    unit, other = unit_of("fourbar_gripper.xml"), unit_of("fourbar_gripper.xml")
+    control = next(n for n in unit.references if n.startswith("controls."))
+    unit.set({control: 0.3})
+    for k in range(20):
+        unit.step(k * DT, DT)
+    take, put, free = (
+        (unit.fmu.getFMUstate, unit.fmu.setFMUstate, unit.fmu.freeFMUstate)
+        if unit.is_2
+        else (unit.fmu.getFMUState, unit.fmu.setFMUState, unit.fmu.freeFMUState)
+    )
+    state = take()
+
+    def on() -> np.ndarray:
+        rows = []
+        for k in range(20, 40):
+            unit.step(k * DT, DT)
+            rows.append(unit.outputs())
+        return np.array(rows)
+
+    first = on()
+    unit.set({control: 0})
+    put(state)
+    assert unit.get(control)[0] == 0.3
+    np.testing.assert_array_equal(on(), first)
+    free(state)
+    # An instance that nothing was done to stands as it did.
+    assert other.get("time")[0] == 0
+    assert other.get(control)[0] != 0.3
+    unit.fmu.reset()
+    np.testing.assert_array_equal(unit.outputs(), other.outputs())
+
+
+def test_force_at_the_centre_of_mass_gives_its_impulse(tmp_path: Path, fmi: str) -> None:
+    """A free body without weight: v = F t / m and omega = T t / I, along axes of inertia."""
+    model, out = tmp_path / "ball.xml", tmp_path / "ball.fmu"
+    model.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="ball"><freejoint/>'
+        '<inertial mass="2" pos="0.1 0 0" diaginertia="0.5 0.5 0.5"/><geom size="0.1" contype="0" conaffinity="0"/>'
+        "</body></worldbody></mujoco>"
+    )
+    export(model, out, "--fmi", fmi, "--dt", str(DT))
+    unit = Unit(out, tmp_path / "unpacked")
+    unit.set({"bodies.ball.force[2]": 4.0, "bodies.ball.torque[1]": 1.0})
+    unit.step(0, 10 * DT)
+    turning, velocity = (
+        unit.numbers("bodies.ball.angular_velocity", 3),
+        unit.numbers("bodies.ball.velocity", 3),
+    )
+    # The origin moves as the centre does: the torque turns about the line through both. Rounding of ten steps.
+    np.testing.assert_allclose(velocity, [0, 0.2, 0], atol=1e-12)
+    np.testing.assert_allclose(turning, [0.2, 0, 0], atol=1e-12)
+
+
+def test_input_derivatives_move_controls_as_python_does(unit_of, fmi: str) -> None:
+    if fmi == "3":
+        pytest.skip("FMI 3.0 has no derivatives of inputs")
+    unit, sim = unit_of("fourbar_gripper.xml"), python_of("fourbar_gripper.xml")
+    controls = [n for n in unit.references if n.startswith("controls.")]
+    values = np.array(sim.control_values)
+    rate = 0.5
+    for k in range(10):
+        unit.set(dict(zip(controls, values, strict=True)))
+        references = [unit.references[n] for n in controls]
+        unit.fmu.setRealInputDerivatives(references, [1] * len(references), [rate] * len(references))
+        unit.step(4 * k * DT, 4 * DT)
+        values = values + rate * (4 * DT)
+        sim.control_values = values
+        sim.step(4, move=True)
+    body = next(n for n in unit.references if n.endswith(".position[1]") and n.startswith("bodies.")).split(
+        "."
+    )[1]
+    np.testing.assert_array_equal(unit.pose(body), sim.poses[sim.bodies.index(body)])
+
+
+def test_misuse_is_an_error_with_a_sentence(unit_of) -> None:
+    unit = unit_of("fourbar_gripper.xml", initialize=False)
+    output = next(n for n in unit.references if n.endswith(".position[1]"))
+    control = next(n for n in unit.references if n.startswith("controls."))
+
+    def refused(call: Callable[[], object], sentence: str) -> None:
+        with pytest.raises(FMICallException, match="error"):
+            call()
+        assert sentence in unit.messages[-1]
+
+    refused(lambda: unit.step(0, DT), "is not in step mode; initialize it first")
+    unit.enter()
+    unit.fmu.exitInitializationMode()
+    before = unit.outputs()
+    refused(lambda: unit.step(0, 1.5 * DT), "must be a multiple of the internal step of 0.01")
+    refused(lambda: unit.step(0, 0), "must be a multiple")
+    refused(lambda: unit.step(1, DT), "the communication point is 1 s and the unit is at 0 s")
+    refused(lambda: unit.set({output: 0.0}), f"'{output}' is no input and cannot be set")
+    refused(lambda: unit.set({control: float("nan")}), f"'{control}' must be finite")
+    unit.references["none"] = 100000
+    refused(lambda: unit.get("none"), "there is no variable 100000")
+    np.testing.assert_array_equal(unit.outputs(), before)
+    unit.step(0, DT)
+    unit.close()
+
+
+def test_other_resources_are_refused(fmi: str, tmp_path: Path) -> None:
+    out = tmp_path / "gripper.fmu"
+    export(SCENES / "fourbar_gripper.xml", out, "--fmi", fmi)
+    fmpy.extract(out, tmp_path / "unpacked")
+    description = fmpy.read_model_description(out)
+    (tmp_path / "unpacked" / "resources" / "scene.json").write_text("{}")
+    slave = (FMU2Slave if fmi == "2" else FMU3Slave)(
+        guid=description.guid,
+        unzipDirectory=str(tmp_path / "unpacked"),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        slave.instantiate()
+    slave.guid = "{other}"
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        slave.instantiate()
+
+
+def test_same_model_gives_the_same_archive(tmp_path: Path, fmi: str) -> None:
+    archives = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        out = tmp_path / name / "unit.fmu"
+        export(SCENES / "fourbar_gripper.xml", out, "--fmi", fmi)
+        archives.append(out.read_bytes())
+    assert archives[0] == archives[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("unit.fmu", "--fmi", "4"), "--fmi"),
+        (("unit.fmu", "--bodies", "nobody"), "--bodies"),
+        (("unit.fmu", "--fps", "30"), "--fps"),
+        (("model.xml", "--fmi", "2"), "belongs to the export of a model to OUT.fmu"),
+    ],
+)
+def test_command_line_refuses(options: tuple[str, ...], sentence: str, tmp_path: Path) -> None:
+    out, *rest = options
+    done = subprocess.run(
+        [PROGRAM, "export", SCENES / "fourbar_gripper.xml", tmp_path / out, *rest],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert not (tmp_path / out).exists()
+
+
+def test_program_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = (SCENES.parent / "docs" / "fmi.md").read_text()
+    command = re.search(r"^    fork1s export (\S+) (\S+) (.*)$", text, flags=re.MULTILINE)
+    [program] = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    assert command
+    export(SCENES.parent / command[1], tmp_path / command[2], *command[3].split())
+    monkeypatch.chdir(tmp_path)
+    exec(compile(program, "docs/fmi.md", "exec"), {})
