@@ -22,12 +22,12 @@ constexpr double kDegreesARadian = 180 / std::numbers::pi;
 bool Improve(const AccuracyTrial& trial, double first_dt, bool may_change_integrator, AccuracySetting& next) {
   next = trial.setting;
   const ErrorWatch::Largest& e = trial.error;
-  if (trial.finite && e.interior > std::max(e.nonlinear, e.time) && trial.leaves_something) {
+  if (trial.finite && e.interior > e.time && trial.leaves_something) {
     next.modes = std::max(4, 2 * trial.modes_kept);
     return true;
   }
   // Where screws are summed what bends is the distance from the reference, not the step.
-  if (!trial.exact && e.nonlinear > e.time && next.refresh_angle > 0.01) {
+  if (!trial.exact && e.interior > e.time && next.refresh_angle > 0.01) {
     next.refresh_angle /= 2;
     return true;
   }

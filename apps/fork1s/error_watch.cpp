@@ -9,18 +9,23 @@
 namespace fork1s::app {
 namespace {
 
-// What is linear about the estimate holds for errors that are small beside the motion.
+// Errors that are small beside the motion shrink by the order of the step; larger ones need not.
 constexpr double kOutside = 10;  // percent of the motion
 
 }  // namespace
 
 void ErrorWatch::Begin(const Simulation& simulation) {
-  if (!estimate_) estimate_.emplace(simulation.world());
-  estimate_->Begin(simulation.world());
+  if (estimate_ || !refused_.empty()) return;
+  auto made = ErrorEstimate::Create(simulation);
+  if (made)
+    estimate_.emplace(std::move(*made));
+  else
+    refused_ = made.error().Text();
 }
 
 void ErrorWatch::End(const Simulation& simulation, const StepReport& report) {
-  estimate_->End(simulation.world(), simulation.step_options(), report);
+  if (!estimate_) return;
+  estimate_->Follow(simulation, report);
   Keep();
 }
 
@@ -37,7 +42,6 @@ void ErrorWatch::Keep() {
     at->motion = std::max(at->motion, now.motion);
     at->total = std::max(at->total, now.shown);
     at->interior = std::max(at->interior, now.shown_interior);
-    at->nonlinear = std::max(at->nonlinear, now.shown_nonlinear);
     at->time = std::max(at->time, now.shown_time);
     failed_ |= !std::isfinite(now.shown);
   }
@@ -50,12 +54,11 @@ void ErrorWatch::Forget() {
 
 ErrorWatch::Largest ErrorWatch::largest() const {
   Largest out;
-  out.finite = !failed_;
+  out.finite = !failed_ && refused_.empty();
   for (const Body& b : bodies_) {
     out.motion = std::max(out.motion, b.motion);
     out.total = std::max(out.total, b.total);
     out.interior = std::max(out.interior, b.interior);
-    out.nonlinear = std::max(out.nonlinear, b.nonlinear);
     out.time = std::max(out.time, b.time);
   }
   return out;
@@ -68,7 +71,6 @@ void ErrorWatch::AddTo(Json& summary) const {
     by_body[b.name] = {{"max", 1e3 * b.total},
                        {"last", 1e3 * b.last},
                        {"interior_max", 1e3 * b.interior},
-                       {"nonlinear_max", 1e3 * b.nonlinear},
                        {"time_step_max", 1e3 * b.time},
                        {"motion", 1e3 * b.motion}};
   auto percent = [&](double x) {
@@ -78,7 +80,6 @@ void ErrorWatch::AddTo(Json& summary) const {
   summary["error_estimate_percent"] = {
       {"total", percent(all.total)},
       {"interior", percent(all.interior)},
-      {"nonlinear", percent(all.nonlinear)},
       {"time_step", percent(all.time)},
       {"of_mm", 1e3 * all.motion},
       {"within_range", all.finite && 100 * all.total <= kOutside * all.motion}};
@@ -94,8 +95,9 @@ std::vector<std::string> ErrorWatch::Warnings() const {
   if (!names.empty())
     out.push_back(fmt::format(
         "estimated error above {:.0f} % of the motion, past what the estimate can tell, of {}: try "
-        "--integrator two-stage, a smaller --dt or more --modes",
+        "a smaller --dt or more --modes",
         kOutside, names));
+  if (!refused_.empty()) out.push_back("no error estimate: " + refused_);
   if (forgot_) out.push_back("the error estimate began anew where the detail changed");
   return out;
 }
@@ -111,8 +113,8 @@ void PrintErrorEstimate(const Json& d) {
   PrintText("  error           about {}, of {:.4g} mm of motion\n",
             inside ? fmt::format("{:.2g} %", share("total")) : fmt::format("> {:.0f} %", kOutside),
             percent["of_mm"].get<double>());
-  PrintText("                  time step {:.2g} %, interior left out {:.2g} %, nonlinear {:.2g} %\n",
-            share("time_step"), share("interior"), share("nonlinear"));
+  PrintText("                  time step {:.2g} %, interior left out {:.2g} %\n", share("time_step"),
+            share("interior"));
   for (const auto& [body, e] : d["error_estimate_mm"].items())
     PrintText("    {:<20} {:.3g} mm at most, {:.3g} mm at the end\n", body, e["max"].get<double>(),
               e["last"].get<double>());

@@ -1,7 +1,7 @@
 // The error estimate of a run: gathered step by step, told at its end.
 #pragma once
 
-#include <fork1s/diagnostics/error_estimate.hpp>
+#include <fork1s/sim/error_estimate.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <optional>
 #include <string>
@@ -21,7 +21,7 @@ class ErrorWatch {
 
   /// Of all bodies [m].
   struct Largest {
-    double total = 0, interior = 0, nonlinear = 0, time = 0, motion = 0;
+    double total = 0, interior = 0, time = 0, motion = 0;
     bool finite = true;
   };
   Largest largest() const;
@@ -35,7 +35,7 @@ class ErrorWatch {
   struct Body {
     std::string name;
     bool is_interface = true;
-    double total = 0, interior = 0, nonlinear = 0, time = 0;  // m, largest
+    double total = 0, interior = 0, time = 0;  // m, largest
     double last = 0, motion = 0;                              // m
   };
   void Keep();
@@ -43,6 +43,7 @@ class ErrorWatch {
   std::optional<ErrorEstimate> estimate_;
   std::vector<Body> bodies_;
   bool forgot_ = false, failed_ = false;
+  std::string refused_;  // why there is no estimate
 };
 
 /// The lines that `run` prints for the keys of AddTo.

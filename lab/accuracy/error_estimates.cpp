@@ -1,7 +1,7 @@
 // The live error estimate against the error itself.
 #include <algorithm>
 #include <cmath>
-#include <fork1s/diagnostics/error_estimate.hpp>
+#include <fork1s/sim/error_estimate.hpp>
 #include <lab/accuracy.hpp>
 
 #include "study/runs.hpp"
@@ -54,7 +54,9 @@ Expected<std::vector<ErrorEstimateCurve>> MeasureErrorEstimate(const TransientCa
     if (!made) return tl::unexpected(made.error());
     Simulation& s = *made;
     c.controls.Start(s);
-    ErrorEstimate estimate(s.world());
+    auto created = ErrorEstimate::Create(s);
+    if (!created) return tl::unexpected(created.error());
+    ErrorEstimate& estimate = *created;
     const std::size_t count = estimate.bodies().size(), first = curves.size();
     if (truth.empty()) {
       for (const BodyError& b : estimate.bodies())
@@ -68,15 +70,14 @@ Expected<std::vector<ErrorEstimateCurve>> MeasureErrorEstimate(const TransientCa
     std::vector<double> motion(count, 0);
     for (std::size_t i = 1; i < truth.size(); ++i) {
       c.controls.Apply(s.time() + s.dt(), s);
-      estimate.Begin(s.world());
       const StepReport report = s.Step();
       if (!report.finite) return Fail(ErrorCode::kNumerics, c.name, "gave numbers that are not finite");
-      estimate.End(s.world(), s.step_options(), report);
+      estimate.Follow(s, report);
       for (std::size_t b = 0; b < count; ++b) {
         error[b].push_back((truth[i][b] - s.Pose(tracked[b].index).translation()).norm());
         motion[b] = std::max(motion[b], (truth[i][b] - truth[0][b]).norm());
         const auto window = static_cast<std::size_t>(std::lround(ErrorEstimateOptions{}.window / kFrame));
-        const auto from = error[b].end() - static_cast<std::ptrdiff_t>(std::min(error[b].size(), window + 1));
+        const auto from = error[b].end() - static_cast<std::ptrdiff_t>(std::min(error[b].size(), window));
         curves[first + b].points.push_back({static_cast<double>(i) * kFrame, 1e3 * estimate.bodies()[b].shown,
                                             1e3 * *std::max_element(from, error[b].end()), 1e3 * motion[b]});
       }
@@ -88,8 +89,7 @@ Expected<std::vector<ErrorEstimateCurve>> MeasureErrorEstimate(const TransientCa
 EstimateShare ShareInside(const ErrorEstimateCurve& curve) {
   EstimateShare share;
   const double whole = curve.points.empty() ? 0 : curve.points.back().motion_mm;
-  for (std::size_t i = 1; i < curve.points.size(); ++i) {  // the first frame has no estimate yet
-    const auto& p = curve.points[i];
+  for (const auto& p : curve.points) {
     if (std::max(p.shown_mm, p.true_mm) < 2e-4 * whole) continue;
     ++share.all;
     const bool told_large = p.shown_mm > 0.1 * p.motion_mm && p.true_mm > 0.05 * p.motion_mm;

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/diagnostics/error_estimate.hpp>
+#include <fork1s/sim/error_estimate.hpp>
 #include <lab/error_families.hpp>
 
 #include "study/runs.hpp"
@@ -65,7 +65,9 @@ Expected<ErrorCaseResult> MeasureErrorCase(const TransientCase& c, ErrorFamily f
   if (!made) return tl::unexpected(made.error());
   Simulation& s = *made;
   c.controls.Start(s);
-  ErrorEstimate estimate(s.world());
+  auto created = ErrorEstimate::Create(s);
+  if (!created) return tl::unexpected(created.error());
+  ErrorEstimate& estimate = *created;
   std::vector<TrackedBody> tracked;
   for (const BodyError& b : estimate.bodies())
     tracked.push_back({b.body, s.FindBody(b.body), b.mechanism >= 0});
@@ -79,8 +81,8 @@ Expected<ErrorCaseResult> MeasureErrorCase(const TransientCase& c, ErrorFamily f
   ErrorCaseResult result{family, seed, {}, {}};
   const auto frames = static_cast<std::size_t>(o.samples) + 1;
   const std::size_t count = tracked.size();
-  // What is shown speaks of the poses of this many steps before the last one.
-  const auto window = static_cast<std::size_t>(std::lround(ErrorEstimateOptions{}.window / kFamilyStep));
+  // What is shown is the largest of this many frames.
+  const auto window = static_cast<std::size_t>(std::lround(ErrorEstimateOptions{}.window / kFamilyStep)) - 1;
   std::vector<std::vector<double>> error(count, {0}), unknown(count, {0});
   std::vector<double> coarse(count, 0), last(count, 0), motion(count, 0);
   struct Frame {
@@ -90,32 +92,29 @@ Expected<ErrorCaseResult> MeasureErrorCase(const TransientCase& c, ErrorFamily f
   std::vector<std::vector<Frame>> told(count);
   for (std::size_t i = 1; i < frames; ++i) {
     c.controls.Apply(s.time() + s.dt(), s);
-    estimate.Begin(s.world());
     const StepReport report = s.Step();
     if (!report.finite) return Fail(ErrorCode::kNumerics, c.name, "gave numbers that are not finite");
-    estimate.End(s.world(), s.step_options(), report);
+    estimate.Follow(s, report);
     for (std::size_t b = 0; b < count; ++b) {
       const BodyError& e = estimate.bodies()[b];
       const std::size_t from = i > window ? i - window : 0;
       const auto most = [&](const std::vector<double>& all) {
         return *std::max_element(all.begin() + static_cast<std::ptrdiff_t>(from), all.end());
       };
-      WorstEstimate now{family, seed, e.body, s.time(), e.shown, most(error[b]), motion[b]};
-      now.interior = e.shown_interior;
-      now.nonlinear = e.shown_nonlinear;
-      now.step = e.shown_time;
-      const double order = coarse[b] > 0 && last[b] > 0 ? std::log2(coarse[b] / last[b]) : kHighestOrder;
-      now.order = order;
-      if (i > 1) told[b].push_back({now, most(unknown[b])});  // the first frame has no estimate yet
       // The truth of this frame, by the order up to here.
       coarse[b] = std::max(coarse[b], (fine[1][i][b] - fine[0][i][b]).norm());
       last[b] = std::max(last[b], (fine[2][i][b] - fine[1][i][b]).norm());
-      const double p = coarse[b] > 0 && last[b] > 0 ? std::log2(coarse[b] / last[b]) : kHighestOrder;
-      const double share = 1 / (std::exp2(std::clamp(p, kLeastOrder, kHighestOrder)) - 1);
+      const double order = coarse[b] > 0 && last[b] > 0 ? std::log2(coarse[b] / last[b]) : kHighestOrder;
+      const double share = 1 / (std::exp2(std::clamp(order, kLeastOrder, kHighestOrder)) - 1);
       const Vector3 step = share * (fine[2][i][b] - fine[1][i][b]), exact = fine[2][i][b] + step;
       error[b].push_back((exact - s.Pose(tracked[b].index).translation()).norm());
       unknown[b].push_back(step.norm());
       motion[b] = std::max(motion[b], (exact - fine[2][0][b]).norm());
+      WorstEstimate now{family, seed, e.body, s.time(), e.shown, most(error[b]), motion[b]};
+      now.interior = e.shown_interior;
+      now.step = e.shown_time;
+      now.order = order;
+      told[b].push_back({now, most(unknown[b])});
     }
   }
   for (std::size_t b = 0; b < count; ++b) {
@@ -197,12 +196,12 @@ std::string WorstEstimatesCsv(const std::vector<ErrorCaseResult>& results) {
   std::stable_sort(all.begin(), all.end(),
                    [&](const WorstEstimate& a, const WorstEstimate& b) { return by(a) > by(b); });
   std::string text =
-      "family,seed,body,time_s,told_over_true,told_mm,true_mm,motion_mm,interior_mm,nonlinear_mm,step_mm,"
+      "family,seed,body,time_s,told_over_true,told_mm,true_mm,motion_mm,interior_mm,step_mm,"
       "truth_order\n";
   for (const WorstEstimate& w : all)
-    text += fmt::format("{},{},{},{:.3f},{:.3g},{:.4g},{:.4g},{:.4g},{:.3g},{:.3g},{:.3g},{:.2f}\n",
+    text += fmt::format("{},{},{},{:.3f},{:.3g},{:.4g},{:.4g},{:.4g},{:.3g},{:.3g},{:.2f}\n",
                         Name(w.family), w.seed, w.body, w.time, w.ratio(), 1e3 * w.shown, 1e3 * w.error,
-                        1e3 * w.motion, 1e3 * w.interior, 1e3 * w.nonlinear, 1e3 * w.step, w.order);
+                        1e3 * w.motion, 1e3 * w.interior, 1e3 * w.step, w.order);
   return text;
 }
 

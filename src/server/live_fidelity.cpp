@@ -30,13 +30,21 @@ void LiveSimulation::ForgetError() {
 
 void LiveSimulation::BeginError() {
   if (!settings_.error) return ForgetError();
-  if (!error_) error_ = std::make_unique<ErrorEstimate>(simulation_.world());
-  error_->Begin(simulation_.world());
+  if (error_) return;
+  auto made = ErrorEstimate::Create(simulation_);
+  if (made) {
+    error_ = std::make_unique<ErrorEstimate>(std::move(*made));
+    return;
+  }
+  settings_.error = false;
+  replies_.push_back(
+      {0, internal::Dump({{"type", "notice"}, {"message", "no error estimate: " + made.error().Text()}})});
+  PublishSettings();
 }
 
 void LiveSimulation::EndError(const StepReport& report) {
   if (!error_) return;
-  error_->End(simulation_.world(), simulation_.step_options(), report);
+  error_->Follow(simulation_, report);
   scalars_.error = 0;
   for (const BodyError& e : error_->bodies()) scalars_.error = std::max(scalars_.error, e.shown);
 }
@@ -49,7 +57,7 @@ void LiveSimulation::KeepAccuracy() {
   double interior = 0, rest = 0;
   for (const BodyError& e : error_->bodies()) {
     interior = std::max(interior, e.shown_interior);
-    rest = std::max({rest, e.shown_nonlinear, e.shown_time});
+    rest = std::max(rest, e.shown_time);
   }
   int kept = 0;
   bool leaves_something = false;

@@ -1,7 +1,7 @@
 // A simulation that viewers watch and touch: commands in, snapshots out. No network, no clock.
 #pragma once
 
-#include <fork1s/diagnostics/error_estimate.hpp>
+#include <fork1s/sim/error_estimate.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>

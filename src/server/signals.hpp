@@ -1,7 +1,7 @@
 // Every number of a running simulation that can be plotted and is not told anyway.
 #pragma once
 
-#include <fork1s/diagnostics/error_estimate.hpp>
+#include <fork1s/sim/error_estimate.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <string>
 #include <vector>

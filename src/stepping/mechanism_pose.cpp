@@ -133,6 +133,7 @@ void SetInputsWithin(const MechanismStep& here, const MechanismState& start, dou
   state.loads = start.loads;
   state.has_loads = start.has_loads;
   state.point_spring = start.point_spring.Within(0, share);
+  state.point_spring_body = start.point_spring_body;
   state.driven_next = start.driven_next;
   state.controls = start.controls;
   if (share >= 1) return;
@@ -154,23 +155,23 @@ void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, do
   here.state.base_history = PathOfBase(start, h).History(start.base_history);
 }
 
-void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second) {
+void SetInputsOfPart(const MechanismStep& here, const MechanismState& start, double h, double share_start,
+                     double share_end) {
   MechanismState& state = here.state;
-  SetInputsWithin(here, start, second ? 1 : 0.5);
+  SetInputsWithin(here, start, share_end);
   if (here.model.mechanism().base() == BaseKind::kDriven) {
     const BasePath path = PathOfBase(start, h);
-    const double share = second ? 1 : 0.5;
-    state.driven_next = path.PoseAt(share);
-    state.driven_rate = path.RateAt(share);
+    state.driven_next = path.PoseAt(share_end);
+    state.driven_rate = path.RateAt(share_end);
     state.knows_driven_rate = true;
   }
-  state.point_spring = start.point_spring.Within(second ? 0.5 : 0, second ? 1 : 0.5);
+  state.point_spring = start.point_spring.Within(share_start, share_end);
   state.controls_move = start.controls_move;
   state.controls_from = start.controls_from;
-  if (!second) return;
+  if (share_start == 0) return;
   // Controls that are held jump at the start.
   if (start.controls_move)
-    state.controls_from = 0.5 * (start.controls_from + start.controls);
+    state.controls_from += share_start * (start.controls - start.controls_from);
   else
     state.controls_from = start.controls;
 }

@@ -53,8 +53,9 @@ void AddLoadWrenches(const MechanismView& here, Matrix6X& F);
 void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share);
 /// Activations are those after a share of a step of length h that begins at `start` (activation.cpp).
 void AdvanceActivations(const MechanismStep& here, const MechanismState& start, double share, double h);
-/// Inputs of the first or the second half of a step of length h that begins at `start`.
-void SetInputsOfHalf(const MechanismStep& here, const MechanismState& start, double h, bool second);
+/// Inputs between two shares of a step of length h that begins at `start`.
+void SetInputsOfPart(const MechanismStep& here, const MechanismState& start, double h, double share_start,
+                     double share_end);
 /// The path of a driven base in a step of length h from `state`.
 BasePath PathOfBase(const MechanismState& state, double h);
 /// After a step of length h from `start`.

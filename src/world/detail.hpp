@@ -31,6 +31,7 @@ struct World::Detail {
   Expected<void> BuildCollision(const Scene& scene, const Options& options);
   bool PrepareContacts(const StepOptions& options, StepReport& report);
   // The step (stages.cpp).
+  void SetInputsOfPart(const WorldState& start, double h, double share_start, double share_end);
   void BeginStep(double h);
   StepReport StepByStages(const StepOptions& options);
   // What may be met within a stage (reach.cpp).
@@ -90,6 +91,7 @@ struct World::Detail {
     WorldState before;  // of the step at hand
   };
   Halving halving_;
+  const WorldState* step_start_ = nullptr;  // of `halving_`, where the last step began
   StepPartTimes* times_ = nullptr;
 };
 

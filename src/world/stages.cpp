@@ -306,6 +306,7 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   }
   Halving::Level& whole = halving_.levels[static_cast<std::size_t>(halving_.depth)];
   whole.start = halving_.before;
+  if (halving_.depth == 0) step_start_ = &whole.start;
   sums_ = whole.sums;
   Restore(whole.start);
   StepOptions half = options;
@@ -314,10 +315,7 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   report.parts = 0;
   report.impact = cause == HalvingCause::kImpact;
   for (int k = 0; k < 2; ++k) {
-    for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
-      SetInputsOfHalf(bodies_.mechanisms[i], whole.start.mechanisms[i], options.h, k == 1);
-    for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
-      bodies_.free_bodies[i].SetInputsWithin(whole.start.free_bodies[i], k == 0 ? 0 : 0.5, k == 0 ? 0.5 : 1);
+    SetInputsOfPart(whole.start, options.h, 0.5 * k, 0.5 * (k + 1));
     ++halving_.depth;
     const StepReport part = StepByStages(half);
     --halving_.depth;

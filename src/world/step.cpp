@@ -106,6 +106,7 @@ StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
 
 void World::Detail::BeginStep(double h) {
   Save(halving_.before);
+  if (halving_.depth == 0) step_start_ = &halving_.before;
   history_.Take(contacts_, contacts_h_, detection_.poses);
   contacts_h_ = h;
   detection_.least_margin = 0;
@@ -122,6 +123,35 @@ StepReport World::Step(const StepOptions& options) {
   const StepReport report = d.StepByStages(options);
   for (MechanismDynamics& m : d.bodies_.mechanisms) m.StopPointSpring();
   for (FreeBody& body : d.bodies_.free_bodies) body.StopPointSpring();
+  return report;
+}
+
+// Inputs between two shares of a step of length h that begins at `start`.
+void World::Detail::SetInputsOfPart(const WorldState& start, double h, double share_start, double share_end) {
+  for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
+    fork1s::SetInputsOfPart(bodies_.mechanisms[i], start.mechanisms[i], h, share_start, share_end);
+  for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
+    bodies_.free_bodies[i].SetInputsWithin(start.free_bodies[i], share_start, share_end);
+}
+
+const WorldState& World::StartOfLastStep() const {
+  FORK1S_REQUIRE(detail_->step_start_, "before the first step");
+  return *detail_->step_start_;
+}
+
+StepReport World::StepInParts(const WorldState& inputs, const StepOptions& options, int parts) {
+  const auto fits = CanRestore(inputs);
+  FORK1S_REQUIRE(fits.has_value(), fits ? "" : fits.error().Text());
+  FORK1S_REQUIRE(parts >= 1, parts);
+  StepOptions part = options;
+  part.h = options.h / parts;
+  StepReport report;
+  report.parts = 0;
+  for (int k = 0; k < parts; ++k) {
+    detail_->SetInputsOfPart(inputs, options.h, static_cast<double>(k) / parts, static_cast<double>(k + 1) / parts);
+    AddReport(Step(part), report);
+    if (!report.finite) break;
+  }
   return report;
 }
 

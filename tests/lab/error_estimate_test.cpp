@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fork1s/diagnostics/error_estimate.hpp>
+#include <fork1s/sim/error_estimate.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <lab/accuracy.hpp>
@@ -18,6 +18,12 @@ namespace {
 using testing::RandomMechanismDef;
 using testing::RandomMechanismOptions;
 using testing::RandomSource;
+
+ErrorEstimate MustEstimate(const Simulation& simulation) {
+  auto made = ErrorEstimate::Create(simulation);
+  if (!made) throw std::runtime_error(made.error().Text());
+  return std::move(*made);
+}
 
 Simulation MustCreate(const Scene& scene, SimulationOptions options = {}) {
   auto made = Simulation::Create(scene, options);
@@ -307,13 +313,12 @@ std::vector<Vector3> PathOf(const TransientCase& c, Integrator integrator, int r
   options.step.integrator = integrator;
   options.initial_keyframe = c.initial_keyframe;
   Simulation s = MustCreate(c.scene, options);
-  ErrorEstimate estimate(s.world());
+  ErrorEstimate estimate = MustEstimate(s);
   const int body = s.FindBody("link1"), steps = rate * 3 / 10;
   std::vector<Vector3> path;
   for (int i = 0; i < steps; ++i) {
-    if (told) estimate.Begin(s.world());
     const StepReport report = s.Step();
-    if (told) estimate.End(s.world(), s.step_options(), report);
+    if (told) estimate.Follow(s, report);
     if ((i + 1) % (steps / samples) == 0) path.push_back(s.Pose(body).translation());
   }
   if (told) *told = estimate.bodies()[0].shown;
@@ -408,26 +413,24 @@ double MissOfOscillator(double rate, Integrator integrator) {
   options.step.integrator = integrator;
   options.step.controls_move = true;
   Simulation s = MustCreate(scene, options);
-  ErrorEstimate estimate(s.world());
+  ErrorEstimate estimate = MustEstimate(s);
   constexpr double kChanges[] = {1, -2.5, 2};  // m/s
   constexpr int kEvery = 12;                   // steps
-  double miss = 0, largest = 0, before = 0;
+  double miss = 0, largest = 0;
   for (int i = 0; i < 60; ++i) {
     double set = 0, exact = 0;
     for (int k = 0; k < 3; ++k) {
-      const double t = (i - kEvery * (k + 1)) * s.dt();
-      if (t < 0) continue;
-      set += kChanges[k] * (t + s.dt());
+      const double t = (i + 1 - kEvery * (k + 1)) * s.dt();
+      if (t <= 0) continue;
+      set += kChanges[k] * t;
       exact += kChanges[k] * (t - std::sin(rate * t) / rate);
     }
     s.SetControl("set", set);
-    before = s.JointCoordinates(0)(0);
-    estimate.Begin(s.world());
     const StepReport report = s.Step();
-    estimate.End(s.world(), s.step_options(), report);
-    // The estimate is that of the pose before this step.
-    largest = std::max(largest, std::abs(exact - before));
-    miss = std::max(miss, std::abs(estimate.bodies()[0].time.x() - (exact - before)));
+    estimate.Follow(s, report);
+    const double off = exact - s.JointCoordinates(0)(0);
+    largest = std::max(largest, std::abs(off));
+    miss = std::max(miss, std::abs(estimate.bodies()[0].time.x() - off));
   }
   return miss / largest;
 }
@@ -453,11 +456,10 @@ TEST(ErrorEstimate, OfAFallIsNone) {
   body.inertia.rotational = Matrix3::Identity();
   scene.free_bodies.push_back(body);
   Simulation s = MustCreate(scene);
-  ErrorEstimate estimate(s.world());
+  ErrorEstimate estimate = MustEstimate(s);
   for (int i = 0; i < 30; ++i) {
-    estimate.Begin(s.world());
     const StepReport report = s.Step();
-    estimate.End(s.world(), s.step_options(), report);
+    estimate.Follow(s, report);
   }
   // Rounding of 30 steps.
   EXPECT_NEAR(s.Pose(0).translation().z(), -0.5 * 9.81 * s.time() * s.time(), 1e-9);
@@ -493,11 +495,10 @@ TEST(ErrorEstimate, OfABallThatRollsIsNone) {
   options.step.integrator = Integrator::kTwoStage;
   options.initial_keyframe = 0;
   Simulation s = MustCreate(scene, options);
-  ErrorEstimate estimate(s.world());
+  ErrorEstimate estimate = MustEstimate(s);
   for (int i = 0; i < 60; ++i) {
-    estimate.Begin(s.world());
     const StepReport report = s.Step();
-    estimate.End(s.world(), s.step_options(), report);
+    estimate.Follow(s, report);
   }
   EXPECT_NEAR(s.Pose(0).translation().x(), kSpeed, 1e-4);
   // The depth of a contact, 10 um. With the contact taken where the step ends it was more than a tenth of the
@@ -510,11 +511,10 @@ TEST(ErrorEstimate, IsNoneWhereNothingMoves) {
   c.scene.keyframes.clear();
   c.scene.gravity.setZero();
   Simulation s = MustCreate(c.scene);
-  ErrorEstimate estimate(s.world());
+  ErrorEstimate estimate = MustEstimate(s);
   for (int i = 0; i < 20; ++i) {
-    estimate.Begin(s.world());
     const StepReport report = s.Step();
-    estimate.End(s.world(), s.step_options(), report);
+    estimate.Follow(s, report);
   }
   // Springs are at rest to rounding of 1e-16 m; forces of that are amplified by 1/(h² M) at most.
   for (const BodyError& b : estimate.bodies()) EXPECT_LT(b.shown, 1e-12) << b.body;

@@ -172,6 +172,12 @@ class World {
 
   /// One step of the scheme of docs/method.md, section 5. Never throws for numerical reasons: see StepReport.
   StepReport Step(const StepOptions& options);
+  /// The state at which the last step began, with its inputs: controls, loads, paths of bases, point springs. Not before
+  /// the first step.
+  const WorldState& StartOfLastStep() const;
+  /// A step of length options.h as that many shorter ones, with inputs as they are within a step that began at `inputs`,
+  /// of this world or of another of the same bodies and controls.
+  StepReport StepInParts(const WorldState& inputs, const StepOptions& options, int parts);
   /// From now on every step writes into `times` how long its parts took; nullptr: none does, and no clock is
   /// read.
   void Watch(StepPartTimes* times);

@@ -1,0 +1,59 @@
+// How far a simulation is from the truth, estimated while it runs.
+//
+// Beside the simulation goes another by a quarter of the step, and, where the reduction leaves something out, a third by
+// such steps with all modes, evaluated exactly. Their distances, extrapolated by the order of the scheme (Richardson),
+// are the estimate: docs/method.md, section 8.
+#pragma once
+
+#include <fork1s/base/error.hpp>
+#include <fork1s/base/types.hpp>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace fork1s {
+
+class Simulation;
+struct StepReport;
+
+struct ErrorEstimateOptions {
+  double window = 0.25;  // s: what is shown is the largest of this time, since errors swing
+};
+
+/// By how much a body is estimated to be off. Displacements of the body's origin, truth minus simulation.
+struct BodyError {
+  std::string body;
+  int mechanism = -1;                  // of world(); -1: a free body
+  int index = 0;                       // body of the mechanism, or free body
+  Vector3 interior = Vector3::Zero();  // m, world axes: of modes and of recovery
+  Vector3 time = Vector3::Zero();      // m: of the time step
+  double shown = 0;                    // m, largest |interior + time| within the window; infinite after Failed()
+  double shown_interior = 0, shown_time = 0;  // m, each part's own largest
+  double motion = 0;                          // m, largest way from the start so far
+};
+
+/// Follows a simulation from the state it is made at. For each step followed it takes four of a quarter of the length,
+/// twice where the reduction leaves something out. A state set from outside, other detail or another step need a new estimate.
+class ErrorEstimate {
+ public:
+  /// Errors are those of Simulation::Create and SetFidelity.
+  static Expected<ErrorEstimate> Create(const Simulation& simulation, const ErrorEstimateOptions& options = {});
+  ~ErrorEstimate();
+  ErrorEstimate(ErrorEstimate&&) noexcept;
+  ErrorEstimate& operator=(ErrorEstimate&&) noexcept;
+
+  /// After every Simulation::Step of the same simulation. A step that was undone is not followed.
+  void Follow(const Simulation& simulation, const StepReport& report);
+
+  /// Interface bodies of all mechanisms, then free bodies, at the present pose.
+  const std::vector<BodyError>& bodies() const;
+  /// Whether a shorter step was undone: nothing is known from there on.
+  bool Failed() const;
+
+ private:
+  struct Detail;
+  explicit ErrorEstimate(std::unique_ptr<Detail> detail);
+  std::unique_ptr<Detail> detail_;
+};
+
+}  // namespace fork1s

@@ -1,0 +1,128 @@
+#include <fork1s/sim/error_estimate.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <fork1s/sim/simulation.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <fork1s/world/world_state.hpp>
+#include <limits>
+#include <optional>
+
+namespace fork1s {
+namespace {
+
+constexpr int kAllModes = 1 << 20;
+// Of a step. By two a step and its halves err alike where fingers close: half of such errors were told less than half
+// (docs/accuracy.md, section 5, has the shares by four).
+constexpr int kParts = 4;
+
+// A second simulation at the present state.
+Expected<Simulation> Copy(const Simulation& from) {
+  SimulationOptions options = from.options();
+  options.dt = from.dt();
+  auto copy = Simulation::Create(from.scene(), options);
+  if (!copy) return copy;
+  if (auto restored = copy->Restore(from.Save()); !restored) return tl::unexpected(restored.error());
+  return copy;
+}
+
+bool LeavesSomething(const Simulation& simulation) {
+  const auto& mechanisms = simulation.world().mechanisms();
+  return std::any_of(mechanisms.begin(), mechanisms.end(), [](const MechanismDynamics& m) {
+    return m.recovery() != Recovery::kExact ||
+           m.model().size() < m.mechanism().num_coordinates() - m.mechanism().num_constraints();
+  });
+}
+
+Vector3 Place(const World& world, const BodyError& body) {
+  const auto index = static_cast<std::size_t>(body.index);
+  if (body.mechanism < 0) return world.free_bodies()[index].pose().translation();
+  return world.mechanisms()[static_cast<std::size_t>(body.mechanism)].BodyPose(BodyIndex(body.index)).translation();
+}
+
+}  // namespace
+
+struct ErrorEstimate::Detail {
+  ErrorEstimateOptions options;
+  std::optional<Simulation> finer, whole_model;  // by shorter steps; that with all modes too
+  std::vector<BodyError> bodies;
+  std::vector<Vector3> start;
+  struct Seen {
+    double total, interior, time;
+  };
+  std::vector<std::deque<Seen>> window;
+  bool failed = false;
+};
+
+ErrorEstimate::ErrorEstimate(std::unique_ptr<Detail> detail) : detail_(std::move(detail)) {}
+ErrorEstimate::~ErrorEstimate() = default;
+ErrorEstimate::ErrorEstimate(ErrorEstimate&&) noexcept = default;
+ErrorEstimate& ErrorEstimate::operator=(ErrorEstimate&&) noexcept = default;
+
+const std::vector<BodyError>& ErrorEstimate::bodies() const { return detail_->bodies; }
+bool ErrorEstimate::Failed() const { return detail_->failed; }
+
+Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation, const ErrorEstimateOptions& options) {
+  auto detail = std::make_unique<Detail>();
+  Detail& d = *detail;
+  d.options = options;
+  auto finer = Copy(simulation);
+  if (!finer) return tl::unexpected(finer.error());
+  d.finer.emplace(std::move(*finer));
+  if (LeavesSomething(simulation)) {
+    auto whole = Copy(simulation);
+    if (!whole) return tl::unexpected(whole.error());
+    const Fidelity all{simulation.fidelity().level, kAllModes, Recovery::kExact};
+    if (auto set = whole->SetFidelity(all, simulation.holds()); !set) return tl::unexpected(set.error());
+    d.whole_model.emplace(std::move(*whole));
+  }
+  const World& world = simulation.world();
+  for (std::size_t i = 0; i < world.mechanisms().size(); ++i) {
+    const MechanismDynamics& m = world.mechanisms()[i];
+    for (const BodyIndex b : m.model().interfaces)
+      d.bodies.push_back({m.mechanism().body(b).name, static_cast<int>(i), b.value()});
+  }
+  for (std::size_t i = 0; i < world.free_bodies().size(); ++i)
+    d.bodies.push_back({world.free_bodies()[i].name(), -1, static_cast<int>(i)});
+  d.window.resize(d.bodies.size());
+  for (const BodyError& b : d.bodies) d.start.push_back(Place(world, b));
+  return ErrorEstimate(std::move(detail));
+}
+
+void ErrorEstimate::Follow(const Simulation& simulation, const StepReport& report) {
+  Detail& d = *detail_;
+  if (!report.finite) return;
+  const WorldState& began = simulation.world().StartOfLastStep();
+  StepOptions options = simulation.step_options();
+  options.controls_move = simulation.last_step().controls_moved;
+  for (auto* other : {&d.finer, &d.whole_model})
+    if (*other && !d.failed) d.failed = !(*other)->world().StepInParts(began, options, kParts).finite;
+  // What a step of order p errs by is n^p/(n^p - 1) of what steps of 1/n of it change.
+  const double power = options.integrator == Integrator::kEuler ? kParts : kParts * kParts;
+  const double whole = power / (power - 1);
+  const auto length = static_cast<std::size_t>(std::max(1.0, std::round(d.options.window / simulation.dt())));
+  for (std::size_t i = 0; i < d.bodies.size(); ++i) {
+    BodyError& b = d.bodies[i];
+    const Vector3 place = Place(simulation.world(), b);
+    b.motion = std::max(b.motion, (place - d.start[i]).norm());
+    if (d.failed) {
+      b.shown = b.shown_interior = b.shown_time = std::numeric_limits<double>::infinity();
+      continue;
+    }
+    const Vector3 finer = Place(d.finer->world(), b);
+    b.time = whole * (finer - place);
+    if (d.whole_model) b.interior = Place(d.whole_model->world(), b) - finer;
+    auto& window = d.window[i];
+    window.push_back({(b.interior + b.time).norm(), b.interior.norm(), b.time.norm()});
+    if (window.size() > length) window.pop_front();
+    b.shown = b.shown_interior = b.shown_time = 0;
+    for (const Detail::Seen& s : window) {
+      b.shown = std::max(b.shown, s.total);
+      b.shown_interior = std::max(b.shown_interior, s.interior);
+      b.shown_time = std::max(b.shown_time, s.time);
+    }
+  }
+}
+
+}  // namespace fork1s
