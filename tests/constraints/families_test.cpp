@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "draws.hpp"
+#include <draws.hpp>
 #include "random_problems.hpp"
 
 namespace fork1s {

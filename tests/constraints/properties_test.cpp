@@ -4,7 +4,7 @@
 #include <numeric>
 #include <string>
 
-#include "draws.hpp"
+#include <draws.hpp>
 #include "linalg/cholesky.hpp"
 #include "plain_sweeps.hpp"
 #include "random_problems.hpp"
