@@ -47,6 +47,10 @@ if(FORK1S_SANITIZE)
   # All but targets with the property FORK1S_UNSANITIZED.
   target_compile_options(fork1s_options INTERFACE "$<$<NOT:$<BOOL:$<TARGET_PROPERTY:FORK1S_UNSANITIZED>>>:\
 -fsanitize=${FORK1S_SANITIZE};-fno-sanitize-recover=undefined;-fno-omit-frame-pointer>")
+  if(FORK1S_SANITIZE_SKIP)
+    target_compile_options(fork1s_options INTERFACE
+      "$<$<NOT:$<BOOL:$<TARGET_PROPERTY:FORK1S_UNSANITIZED>>>:-fno-sanitize=${FORK1S_SANITIZE_SKIP}>")
+  endif()
   target_link_options(fork1s_options INTERFACE -fsanitize=${FORK1S_SANITIZE})
 endif()
 if(FORK1S_FUZZ)

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <certified_gap.hpp>
 #include <cmath>
+#include <draws.hpp>
 #include <random>
 
 #include "collision/cylinder_box.hpp"
@@ -67,7 +68,7 @@ TEST(CollisionCertified, GapsAndNormalsOfConvexPairs) {
       auto world = CollisionWorld::Create({Moving(shapes[i]), Moving(shapes[k])}, {}, {.margin = kMargin});
       ASSERT_TRUE(world.has_value()) << world.error().Text();
       std::vector<ContactPoint> contacts;
-      for (int trial = 0; trial < 60; ++trial) {
+      for (int trial = 0; trial < testing::Draws(60); ++trial) {
         // At a gap of -4 to 30 mm; every second one turned as the first is, but for a little.
         a.X = RigidTransform(ExpRotation(3 * uniform(random) * direction()), direction());
         const double tilt = trial % 2 == 0 ? 3 * uniform(random) : std::pow(10, -2 - 8 * uniform(random));
@@ -94,7 +95,7 @@ TEST(CollisionCertified, GapsAndNormalsOfConvexPairs) {
         EXPECT_GT(benchmarks::GapAlong(a, b, n), truth.gap - 1e-6) << i << ' ' << k << ' ' << trial;
       }
     }
-  EXPECT_GT(proven, 1150);  // of 1260
+  EXPECT_GT(proven, testing::Draws(1150));  // of 1260
 }
 
 // Every feature of a cylinder on every feature of a box, level with it but for 1e-10 to 0.1 rad or turned at will, of sizes
@@ -106,7 +107,7 @@ TEST(CollisionCertified, CylinderOnBox_LevelAndTilted_GapIsProven) {
   const auto direction = [&] { return Vector3(normal(random), normal(random), normal(random)).normalized(); };
   const auto size = [&](double typical) { return typical * std::pow(10, uniform(random) - 0.5); };
   int proven = 0, uncertain = 0;
-  for (int trial = 0; trial < 800; ++trial) {
+  for (int trial = 0; trial < testing::Draws(800); ++trial) {
     const Cylinder cylinder{size(0.04), size(0.03)};
     const Box box{Vector3(size(0.05), size(0.04), 0.03)};
     auto a = benchmarks::MakeConvexBody(cylinder), b = benchmarks::MakeConvexBody(box);
@@ -127,7 +128,7 @@ TEST(CollisionCertified, CylinderOnBox_LevelAndTilted_GapIsProven) {
     SCOPED_TRACE(::testing::Message() << trial << " tilted by " << tilt);
     ExpectNearest(cylinder, a, box, b, truth);
   }
-  EXPECT_GT(proven, 750);
+  EXPECT_GT(proven, testing::Draws(750));
   EXPECT_LE(uncertain, 4);  // which MuJoCo's search answers
 }
 
@@ -139,7 +140,7 @@ TEST(CollisionCertified, CapsuleOnCylinder_LevelAndTilted_GapIsProven) {
   const auto direction = [&] { return Vector3(normal(random), normal(random), normal(random)).normalized(); };
   const auto size = [&](double typical) { return typical * std::pow(10, uniform(random) - 0.5); };
   int proven = 0, uncertain = 0;
-  for (int trial = 0; trial < 800; ++trial) {
+  for (int trial = 0; trial < testing::Draws(800); ++trial) {
     const Cylinder cylinder{size(0.04), size(0.03)};
     const Capsule capsule{size(0.01), size(0.05)};
     auto a = benchmarks::MakeConvexBody(capsule), b = benchmarks::MakeConvexBody(cylinder);
@@ -163,7 +164,7 @@ TEST(CollisionCertified, CapsuleOnCylinder_LevelAndTilted_GapIsProven) {
     SCOPED_TRACE(::testing::Message() << trial << " tilted by " << tilt);
     ExpectNearest(capsule, a, cylinder, b, truth);
   }
-  EXPECT_GT(proven, 700);
+  EXPECT_GT(proven, testing::Draws(700));
   EXPECT_LE(uncertain, 4);  // which MuJoCo's search answers
 }
 

@@ -1,6 +1,7 @@
 // Spheres on height fields: one contact where a smooth slope has one, exact, whatever cells it is cut into.
 #include <algorithm>
 #include <cmath>
+#include <draws.hpp>
 #include <functional>
 #include <random>
 
@@ -254,7 +255,7 @@ TEST(ShapeOnGrid, WhatHoversOverRoughGroundTouchesNothing) {
       CollisionWorld::Create({Still(field), Moving(Box{Vector3::Constant(kHalf)})}, {}, {.margin = 0.02});
   ASSERT_TRUE(world);
   std::vector<ContactPoint> contacts;
-  for (int k = 0; k < 3000; ++k) {
+  for (int k = 0; k < testing::Draws(3000); ++k) {
     const double x = -0.2 + 0.02 * std::floor(20 * u(random)), y = -0.1 + 0.01 * std::floor(20 * u(random));
     const double s = u(random), t = u(random);
     const double z00 = heights[cell(x, y)], z01 = heights[cell(x + 0.02, y)],

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "draws.hpp"
+#include <draws.hpp>
 #include "random_problems.hpp"
 
 namespace fork1s {
@@ -48,7 +48,7 @@ TEST_P(Families, TakeFewFactorsWarm) {
   std::mt19937 random(12);
   ContactSolver solver;
   std::vector<int> factors;
-  const int count = GetParam().first == Family::kJam ? 51 : testing::Draws(1000);
+  const int count = testing::Draws(GetParam().first == Family::kJam ? 51 : 1000);
   for (int i = 0; i < count; ++i) {
     Problem p = testing::DrawFamily(random, GetParam().first);
     testing::GiveDefaultMaterial(p);
@@ -71,7 +71,8 @@ TEST_P(Families, TakeFewFactorsWarm) {
 // off at 300 m/s.)
 TEST(Unsolved, ImpulsesStayWithinTheirConesAndGiveNoEnergy) {
   ContactSolver solver;
-  constexpr unsigned kSeeds[] = {47, 114, 169, 194};  // seconds each with sanitizers
+  // 47 stays unsolved today; it takes minutes with sanitizers, which watch the first alone, in a ninth of the time.
+  constexpr unsigned kSeeds[] = {194, 169, 114, 47};
   for (int i = 0; i < std::max(1, testing::Draws(4)); ++i) {
     SCOPED_TRACE(kSeeds[i]);
     std::mt19937 random(kSeeds[i]);

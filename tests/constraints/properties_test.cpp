@@ -4,7 +4,7 @@
 #include <numeric>
 #include <string>
 
-#include "draws.hpp"
+#include <draws.hpp>
 #include "linalg/cholesky.hpp"
 #include "plain_sweeps.hpp"
 #include "random_problems.hpp"
@@ -97,7 +97,7 @@ TEST(ContactProperties, PlainSweepsAgree) {
   std::mt19937 random(2);
   ContactSolver solver;
   int compared = 0;
-  for (int trial = 0; trial < 300; ++trial) {
+  for (int trial = 0; trial < testing::Draws(300); ++trial) {
     Problem p = Draw(random, trial);
     for (ContactConstraint& c : p.contacts) {
       c.friction = std::min(c.friction, 0.3);
@@ -111,14 +111,14 @@ TEST(ContactProperties, PlainSweepsAgree) {
     ++compared;
     EXPECT_LT((plain.velocity - p.velocity).norm(), 1e-6 * (1 + p.velocity.norm())) << trial;
   }
-  EXPECT_GT(compared, 250);
+  EXPECT_GT(compared, testing::Draws(250));
 }
 
 // With zero bias impulses take energy away: ½ v⁺ᵀW⁻¹v⁺ ≤ ½ v*ᵀW⁻¹v*.
 TEST(ContactProperties, ImpulsesDoNoPositiveWork) {
   std::mt19937 random(3);
   ContactSolver solver;
-  for (int trial = 0; trial < 500; ++trial) {
+  for (int trial = 0; trial < testing::Draws(500); ++trial) {
     Problem p = Draw(random, trial);
     p.limits.clear();
     const VectorX start = p.velocity;
@@ -136,7 +136,7 @@ TEST(ContactProperties, LimitsThatContradictShareTheWay) {
   std::mt19937 random(8);
   ContactSolver solver;
   int failures = 0;
-  for (int trial = 0; trial < 300; ++trial) {
+  for (int trial = 0; trial < testing::Draws(300); ++trial) {
     Problem p = Draw(random, 6 * trial + 2);
     p.limits.clear();
     p.limits.push_back({4, 1.0, -0.3, 0});
@@ -206,7 +206,7 @@ TEST(ContactProperties, WaitingChangesNoAnswer) {
 // its impulse standing: bodies end with what all impulses make of their velocities.
 TEST(ContactProperties, WaitingKeepsNoOldImpulse) {
   std::mt19937 random(11);
-  for (int trial = 0; trial < 50; ++trial) {
+  for (int trial = 0; trial < testing::Draws(50); ++trial) {
     Problem p = testing::DrawFamily(random, testing::kFamilies[static_cast<std::size_t>(trial) % 5]);
     const VectorX start = p.velocity;
     ContactSolver solver;
@@ -278,7 +278,7 @@ TEST(ContactProperties, WarmStartAtSteadyState) {
 }
 
 TEST(ContactProperties, SameInputSameBits) {
-  for (int trial = 0; trial < 100; ++trial) {
+  for (int trial = 0; trial < testing::Draws(100); ++trial) {
     std::mt19937 random_a(static_cast<unsigned>(trial)), random_b(static_cast<unsigned>(trial));
     Problem p = Draw(random_a, trial), q = Draw(random_b, trial);
     ContactSolver fresh, used;

@@ -24,13 +24,14 @@ namespace {
 
 constexpr double kMaxTime = 20;  // s of a file; most take 0.02
 
-// Files of one run: FORK1S_FUZZ_FILES, else a thousand (fewer where a sanitizer takes most of their time).
+// Files of one run: FORK1S_FUZZ_FILES, else 250 (fewer where a sanitizer takes most of their time); ./check --all reads
+// 10,000.
 int NumFiles() {
   if (const char* count = std::getenv("FORK1S_FUZZ_FILES")) return std::atoi(count);
 #ifdef __SANITIZE_ADDRESS__
   return 50;
 #else
-  return 1000;
+  return 250;
 #endif
 }
 

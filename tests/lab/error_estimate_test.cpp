@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <draws.hpp>
 #include <fork1s/sim/error_estimate.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
@@ -195,10 +196,11 @@ struct Shares {
   EstimateShare euler, two_stage;
 };
 
+// Of the seeds 101 to 100 + seeds, which the estimate had not seen while it was made.
 template <typename Make>
-Shares SharesOf(Make make, unsigned from, unsigned to) {
+Shares SharesOf(Make make, unsigned seeds) {
   Shares sums;
-  for (unsigned seed = from; seed <= to; ++seed) {
+  for (unsigned seed = 101; seed <= 100 + seeds; ++seed) {
     const TransientCase c = make(seed);
     auto curves = MeasureErrorEstimate(c, {Integrator::kEuler, Integrator::kTwoStage}, 4);
     if (!curves) throw std::runtime_error(c.name + ": " + curves.error().Text());
@@ -214,12 +216,16 @@ Shares SharesOf(Make make, unsigned from, unsigned to) {
   return sums;
 }
 
-void ExpectMostInside(const Shares& shares) {
-  EXPECT_GT(shares.euler.all, 500);
+// In the first `few` mechanisms or in all of them, of which the frames are at least 500 and 300.
+template <typename Make>
+void ExpectMostInside(Make make, unsigned few, unsigned all) {
+  const unsigned seeds = testing::Seeds(few, all);
+  const Shares shares = SharesOf(make, seeds);
+  EXPECT_GT(shares.euler.all, 500 * seeds / all);
   EXPECT_GE(shares.euler.inside, 0.95 * shares.euler.all);
   // Centred differences of its nodes err by about as much as two stages do (88 to 95 % inside). With contacts
   // taken where the step ends, what rolls was told an error of 100 times its own.
-  EXPECT_GT(shares.two_stage.all, 300);
+  EXPECT_GT(shares.two_stage.all, 300 * seeds / all);
   EXPECT_GE(shares.two_stage.inside, 0.85 * shares.two_stage.all);
 }
 
@@ -243,15 +249,15 @@ TEST(ErrorEstimate, OfTwoStagesIsNotThatOfItsOwnDifferences) {
 
 // Seeds 1 to 24, of the others 1 to 12, are those on which the estimate was tried while it was made; 101 to
 // 110 it had not seen.
-TEST(ErrorEstimate, IsWithinHalfAndThriceTheErrorOnTenMechanismsItWasNotMadeOn) {
-  ExpectMostInside(SharesOf(RandomCase, 101, 110));
+TEST(ErrorEstimate, IsWithinHalfAndThriceTheErrorOnMechanismsItWasNotMadeOn) {
+  ExpectMostInside(RandomCase, 4, 10);
 }
 
-TEST(ErrorEstimate, IsSoOnDrivenBasesThatStartAtOnce) { ExpectMostInside(SharesOf(DrivenCase, 101, 110)); }
+TEST(ErrorEstimate, IsSoOnDrivenBasesThatStartAtOnce) { ExpectMostInside(DrivenCase, 4, 10); }
 
-TEST(ErrorEstimate, IsSoOfWhatStands) { ExpectMostInside(SharesOf(StandingCase, 101, 106)); }
+TEST(ErrorEstimate, IsSoOfWhatStands) { ExpectMostInside(StandingCase, 3, 6); }
 
-TEST(ErrorEstimate, IsSoOfWhatSlides) { ExpectMostInside(SharesOf(SlidingCase, 101, 106)); }
+TEST(ErrorEstimate, IsSoOfWhatSlides) { ExpectMostInside(SlidingCase, 6, 6); }
 
 // An arm that comes down on the ground with a round tip, parts from it and strikes again, and slides on. Its links weigh
 // what an arm's do, its springs are those of PD control.
@@ -330,7 +336,7 @@ std::vector<Vector3> PathOf(const TransientCase& c, Integrator integrator, int r
 EstimateShare ShareOfStrikes(Integrator integrator, bool smooth) {
   constexpr int kSamples = 18;
   EstimateShare share;
-  for (unsigned seed = 101; seed <= 110; ++seed) {
+  for (unsigned seed = 101; seed <= 100 + testing::Seeds(5, 10); ++seed) {
     const TransientCase c = StrikingCase(seed, smooth);
     const auto truth = PathOf(c, Integrator::kTwoStage, 30720, kSamples, nullptr);
     for (const int rate : {60, 240, 960, 3840}) {

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
+#include <draws.hpp>
 #include <functional>
 #include <iostream>
 #include <limits>
@@ -26,7 +27,7 @@ constexpr unsigned kFirst = 0;
 #ifdef __SANITIZE_ADDRESS__
 constexpr int kCount = 100;
 #else
-constexpr int kCount = 1000;
+const int kCount = static_cast<int>(testing::Seeds(250, 1000));
 #endif
 
 const char* Variable(const char* name) { return std::getenv(name); }

@@ -124,6 +124,7 @@ TEST(RecordingReader, MemoryDoesNotGrowWithLength) {
   GTEST_SKIP() << "sanitizers keep what was freed";
 #endif
   constexpr std::size_t kStretch = 1 << 20;
+  constexpr int kShort = 2000, kLong = 6000;  // steps
   Folder folder;
   const auto play = [&](const std::string& file, int steps) {
     return MemoryOf([&] {
@@ -138,14 +139,14 @@ TEST(RecordingReader, MemoryDoesNotGrowWithLength) {
       return ExportCsv(*reader, folder / "tables").has_value();
     });
   };
-  MakeLongRecording(folder / "short.h5", 3000);
-  MakeLongRecording(folder / "long.h5", 12000);
+  MakeLongRecording(folder / "short.h5", kShort);
+  MakeLongRecording(folder / "long.h5", kLong);
   const auto longer = static_cast<long>(std::filesystem::file_size(folder / "long.h5") -
                                         std::filesystem::file_size(folder / "short.h5"));
-  const long short_replay = play(folder / "short.h5", 3000), short_tables = tabulate(folder / "short.h5");
+  const long short_replay = play(folder / "short.h5", kShort), short_tables = tabulate(folder / "short.h5");
   EXPECT_GT(short_replay, 0);
   EXPECT_GT(short_tables, 0);
-  EXPECT_LT(play(folder / "long.h5", 12000), short_replay + longer / 4);
+  EXPECT_LT(play(folder / "long.h5", kLong), short_replay + longer / 4);
   EXPECT_LT(tabulate(folder / "long.h5"), short_tables + longer / 4);
   // What the whole takes, and would be measured if it were read.
   EXPECT_GT(MemoryOf([&] { return Recording::Open(folder / "long.h5").has_value(); }), longer);

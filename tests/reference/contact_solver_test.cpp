@@ -4,8 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <constraints/draws.hpp>
 #include <constraints/random_problems.hpp>
+#include <draws.hpp>
 
 #include "linalg/cholesky.hpp"
 #include "reference/contact_problem.hpp"

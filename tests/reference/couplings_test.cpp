@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <draws.hpp>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <numeric>
@@ -147,7 +148,7 @@ double WorstCoupling(const MechanismDef& def, const VectorX& q) {
 }
 
 TEST(Couplings, OfRandomTrees_HoldAfterEachStep_KeepEnergy_InBothSimulators) {
-  for (unsigned seed = 0; seed < 12; ++seed) {
+  for (unsigned seed = 0; seed < testing::Seeds(4, 12); ++seed) {
     SCOPED_TRACE(seed);
     const auto mechanism = testing::Share(RandomCoupled(seed));
     const MechanismDef& def = mechanism->definition();

@@ -1,5 +1,6 @@
 // Steps of two stages where nothing touches: order, energy, momentum.
 #include <cmath>
+#include <draws.hpp>
 #include <functional>
 #include <random_mechanism.hpp>
 
@@ -148,7 +149,7 @@ INSTANTIATE_TEST_SUITE_P(All, Order,
 TEST(TwoStages, ErrorOfRandomMechanismsFallsWithTheSquareOfTheStep) {
   for (const BaseKind base : {BaseKind::kFixed, BaseKind::kFloating, BaseKind::kDriven})
     for (const int loops : {0, 1})
-      for (unsigned seed = 1; seed < 3; ++seed) {
+      for (unsigned seed = 1; seed <= testing::Seeds(1, 2); ++seed) {
         SCOPED_TRACE("base " + std::to_string(static_cast<int>(base)) + ", loops " + std::to_string(loops) +
                      ", seed " + std::to_string(seed));
         RandomMechanismOptions options;
@@ -185,7 +186,7 @@ TEST(TwoStages, ErrorOfRandomMechanismsFallsWithTheSquareOfTheStep) {
 TEST(TwoStages, RandomMechanismsStayTogetherHoweverStiff) {
   for (const double scale : {1.0, 1e3, 1e6})
     for (const BaseKind base : {BaseKind::kFixed, BaseKind::kFloating})
-      for (unsigned seed = 1; seed < 3; ++seed) {
+      for (unsigned seed = 1; seed <= testing::Seeds(1, 2); ++seed) {
         SCOPED_TRACE("stiffness times " + std::to_string(scale) + ", seed " + std::to_string(seed));
         RandomMechanismOptions options;
         options.base = base;

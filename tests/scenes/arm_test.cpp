@@ -4,7 +4,7 @@
 namespace fork1s::examples {
 namespace {
 
-class Hammer : public testing::TestWithParam<double> {};
+class Hammer : public ::testing::TestWithParam<double> {};
 
 TEST_P(Hammer, StrikesAnvilAndNail) {
   SceneRun run("hammer", GetParam());
@@ -36,7 +36,7 @@ TEST_P(Hammer, StrikesAnvilAndNail) {
   EXPECT_LT(run.simulation().KineticEnergy(), 1e-4) << "comes to rest";
 }
 
-INSTANTIATE_TEST_SUITE_P(Gains, Hammer, testing::Values(1, 100));
+INSTANTIATE_TEST_SUITE_P(Gains, Hammer, ::testing::Values(1, 100));
 
 // Peg in the frame of the hole: 1 mm beside the path of the drawn peg, turned by 2 degrees about y.
 struct PegPlace {
@@ -60,7 +60,7 @@ struct PegPlace {
   }
 };
 
-class PegInHole : public testing::TestWithParam<double> {};
+class PegInHole : public ::testing::TestWithParam<double> {};
 
 TEST_P(PegInHole, EndsInserted) {
   SceneRun run("peg_in_hole", GetParam());
@@ -87,10 +87,10 @@ TEST_P(PegInHole, EndsInserted) {
   EXPECT_LT(inside.Degrees(), 0.8);
 }
 
-INSTANTIATE_TEST_SUITE_P(Gains, PegInHole, testing::Values(1, 100));
+INSTANTIATE_TEST_SUITE_P(Gains, PegInHole, ::testing::Values(1, 100));
 
 // The same with a peg that fingertips hold by friction, frozen and let go on the way.
-class PegGrasp : public testing::TestWithParam<double> {};
+class PegGrasp : public ::testing::TestWithParam<double> {};
 
 TEST_P(PegGrasp, IsInsertedWithContactsFrozenOnTheWay) {
   SceneRun run("peg_grasp", GetParam(), 1, "peg_in_hole");
@@ -125,7 +125,7 @@ TEST_P(PegGrasp, IsInsertedWithContactsFrozenOnTheWay) {
   EXPECT_LT(run.simulation().KineticEnergy(), 1e-6);
 }
 
-INSTANTIATE_TEST_SUITE_P(Gains, PegGrasp, testing::Values(1, 100));
+INSTANTIATE_TEST_SUITE_P(Gains, PegGrasp, ::testing::Values(1, 100));
 
 }  // namespace
 }  // namespace fork1s::examples

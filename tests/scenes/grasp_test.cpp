@@ -12,7 +12,7 @@ struct GraspCase {
 };
 std::ostream& operator<<(std::ostream& out, const GraspCase& c) { return out << c.scene; }
 
-class Grasp : public testing::TestWithParam<GraspCase> {};
+class Grasp : public ::testing::TestWithParam<GraspCase> {};
 
 TEST_P(Grasp, HoldsWhatItShakesAndTurnsOver) {
   SceneRun run(GetParam().scene);
@@ -83,8 +83,8 @@ TEST_P(Grasp, HoldsForAMinuteWithoutDrift) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Objects, Grasp,
-                         testing::Values(GraspCase{"grasp_sphere", "ball"}, GraspCase{"grasp_box", "box"},
-                                         GraspCase{"grasp_mug", "mug"}));
+                         ::testing::Values(GraspCase{"grasp_sphere", "ball"}, GraspCase{"grasp_box", "box"},
+                                           GraspCase{"grasp_mug", "mug"}));
 
 }  // namespace
 }  // namespace fork1s::examples

@@ -21,7 +21,7 @@ std::vector<std::uint64_t> HashesOf(SceneRun& run, int steps) {
   return hashes;
 }
 
-class Saved : public testing::TestWithParam<SaveCase> {};
+class Saved : public ::testing::TestWithParam<SaveCase> {};
 
 TEST_P(Saved, TheSameBitsFollow) {
   constexpr int kSteps = 60;  // every scene refreshes, touches something or closes loops in these
@@ -50,7 +50,7 @@ std::vector<SaveCase> AllCases() {
       cases.push_back({scene, integrator});
   return cases;
 }
-INSTANTIATE_TEST_SUITE_P(Scenes, Saved, testing::ValuesIn(AllCases()));
+INSTANTIATE_TEST_SUITE_P(Scenes, Saved, ::testing::ValuesIn(AllCases()));
 
 TEST(Saved, AcrossFidelity) {
   SceneRun run("peg_grasp");

@@ -1,6 +1,8 @@
 // How many problems a test draws.
 #pragma once
 
+#include <cstdlib>
+
 namespace fork1s::testing {
 
 /// All of them; with sanitizers, which take ten times as long and watch memory rather than answers, every
@@ -11,6 +13,12 @@ constexpr int Draws(int all) {
 #else
   return all;
 #endif
+}
+
+/// How many seeds a search takes whose every draw is a simulation: the first `few`, or `all` where the environment
+/// has FORK1S_ALL_DRAWS, as ./check --all sets it.
+inline unsigned Seeds(unsigned few, unsigned all) {
+  return std::getenv("FORK1S_ALL_DRAWS") != nullptr ? all : few;
 }
 
 }  // namespace fork1s::testing
