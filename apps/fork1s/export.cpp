@@ -174,6 +174,12 @@ int Run(const ExportArguments& args) {
     return ExportUnit(args.model, args.unit, args.out);
   }
   if (auto ok = RefuseForeignOptions(args, Output::kOfRecording); !ok) return Report(ok.error(), false);
+  if (is({".mcap", ".rrd"}))
+    return Report({ErrorCode::kUsage, args.out,
+                   fmt::format("is a file of a log viewer, which the Python package writes; pip install "
+                               "'fork1s[logs]', then: python -m fork1s.logs {} {}",
+                               args.model.path, args.out)},
+                  false);
   const bool page = is({".html", ".htm"}), gltf = is({".glb", ".gltf"}), film = is({".mp4", ".png"});
   if (!page && !gltf && !film && !extension.empty() && !args.video && !std::filesystem::is_directory(out))
     return Report(
