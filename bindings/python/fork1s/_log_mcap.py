@@ -157,8 +157,8 @@ class McapLog:
 
     def __init__(self, source: Source, stream: Any) -> None:
         self._source = source
-        self._writer = Writer(stream)
-        self._writer.start(profile="", library=f"fork1s ({source.reader.program})")
+        self._writer: Any = Writer(stream)
+        self._writer.start(profile="", library=source.reader.program)
         self._channels: dict[str, int] = {}
         self._counts: dict[str, int] = {}
 
@@ -187,21 +187,21 @@ class McapLog:
         self._add("/scene", SceneUpdate(entities=entities), time)
 
     def _write_step(self, stretch: Stretch, i: int) -> None:
-        reader, time = self._source.reader, float(stretch.times[i])
+        source, time = self._source, float(stretch.times[i])
         self._write_poses(stretch.poses[i], time)
-        if reader.coordinates:
+        if source.coordinates:
             self._write_joints(stretch, i, time)
         contacts = stretch.contacts(i)
         self._add_json("/contacts", "fork1s.Contacts", time, contacts=[_contact(c) for c in contacts])
         self._write_arrows(contacts, time)
         if pushes := stretch.pushes(i):
             self._add_json("/pushes", "fork1s.Pushes", time, pushes=[_push(p) for p in pushes])
-        if reader.controls:
-            controls = stretch.rows("steps/controls", len(reader.controls))[i]
-            self._add_json("/controls", "fork1s.Values", time, values=_values(reader.controls, controls))
-        if reader.sensors:
-            sensors = stretch.rows("steps/sensors", len(reader.sensors))[i]
-            self._add_json("/sensors", "fork1s.Values", time, values=_values(reader.sensors, sensors))
+        if source.controls:
+            controls = stretch.rows("steps/controls", len(source.controls))[i]
+            self._add_json("/controls", "fork1s.Values", time, values=_values(source.controls, controls))
+        if source.sensors:
+            sensors = stretch.rows("steps/sensors", len(source.sensors))[i]
+            self._add_json("/sensors", "fork1s.Values", time, values=_values(source.sensors, sensors))
         report: dict[str, Any] = {}
         for name, kind in _REPORT.items():
             value = stretch.column(f"steps/{name}")[i]
@@ -226,9 +226,7 @@ class McapLog:
 
     def _write_joints(self, stretch: Stretch, i: int, time: float) -> None:
         joints = []
-        for name, position, rate in zip(
-            self._source.reader.coordinates, stretch.coordinates[i], stretch.rates[i]
-        ):
+        for name, position, rate in zip(self._source.coordinates, stretch.coordinates[i], stretch.rates[i]):
             joint = JointState(name=name, position=float(position))
             if math.isfinite(rate):
                 joint.velocity = float(rate)
@@ -349,5 +347,5 @@ def _turn_from_x(direction: Array) -> Array:
     x, y, z = direction
     if x < -1 + 1e-12:  # half a turn, about any axis across; below it 1 + x loses all of its digits
         return np.array([0.0, 0, 0, 1])
-    q = np.array([1 + x, 0, -z, y])
-    return q / np.linalg.norm(q)
+    q: Array = np.array([1 + x, 0, -z, y]) / math.sqrt(2 * (1 + x))
+    return q

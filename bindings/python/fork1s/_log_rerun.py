@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+from rerun.chunk import RrdReader
 
 from ._core import RecordedShape
-from ._log_source import Array, Source, Stretch
+from ._log_source import Array, Source, Stretch, text
 
 ARROW_COLOR = (230, 50, 25)
 PUSH_COLOR = (40, 110, 230)
@@ -48,7 +49,8 @@ class RerunLog:
         self._source = source
         self._stream = rr.RecordingStream("fork1s")
         self._stream.save(path)
-        self._stream.send_recording_name(source.reader.scene)
+        self._path = path
+        self._stream.send_recording_name(text(source.reader.scene))
         self._colored: set[str] = set()
 
     def write(self) -> int:
@@ -70,25 +72,32 @@ class RerunLog:
             steps += len(stretch)
         if steps == 0:
             self._write_start(0.0)
-        self._stream.flush()
-        self._stream.disconnect()
+        try:
+            self._stream.flush()
+        except RuntimeError as error:  # the thread that writes ended: the cause is in Rerun's log alone
+            raise OSError(f"Rerun: {error}") from None
+        self._stream.disconnect()  # writes the footer and reports no error: without one the file has no store
+        try:
+            RrdReader(self._path).store()
+        except RuntimeError as error:
+            raise OSError(f"Rerun: {error}") from None
         return steps
 
     def _write_start(self, time: float) -> None:
         self._write_poses(np.array([time]), self._source.reader.initial_poses[np.newaxis])
 
     def _write_stretch(self, stretch: Stretch) -> None:
-        reader = self._source.reader
+        source = self._source
         self._write_poses(stretch.times, stretch.poses)
         contacts = [[(c.point, c.force) for c in stretch.contacts(i)] for i in range(len(stretch))]
         self._write_arrows("contact_forces", stretch.times, contacts, ARROW_COLOR)
         if len(stretch.column("wrenches/body")):
             pushes = [[(p.point, p.force) for p in stretch.pushes(i)] for i in range(len(stretch))]
             self._write_arrows("push_forces", stretch.times, pushes, PUSH_COLOR)
-        for k, name in enumerate(reader.coordinates):
+        for k, name in enumerate(source.coordinates):
             self._write_scalars(_path("joints", name, "position"), stretch.times, stretch.coordinates[:, k])
             self._write_scalars(_path("joints", name, "velocity"), stretch.times, stretch.rates[:, k])
-        for group, names in (("controls", reader.controls), ("sensors", reader.sensors)):
+        for group, names in (("controls", source.controls), ("sensors", source.sensors)):
             rows = stretch.rows(f"steps/{group}", len(names))
             for k, name in enumerate(names):
                 self._write_scalars(_path(group, name), stretch.times, rows[:, k])
@@ -129,14 +138,14 @@ class RerunLog:
             if archetype is None:
                 self._source.left_out.append(f"{self._source.describe(shape)}: it has no triangles")
                 continue
-            name = f"{k} {shape.name or shape.kind}"
+            name = f"{k} {text(shape.name) or shape.kind}"
             path = (
                 _path("world", name)
                 if shape.body < 0
                 else _path("bodies", self._source.bodies[shape.body], name)
             )
             pose = shape.pose
-            placed = rr.Transform3D(translation=pose[:3], quaternion=_xyzw(pose))
+            placed = rr.Transform3D(translation=pose[:3], quaternion=rr.Quaternion(xyzw=_xyzw(pose)))
             self._stream.log(path, placed, archetype, static=True)
 
     def _archetype(self, shape: RecordedShape) -> Any:

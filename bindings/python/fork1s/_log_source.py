@@ -14,6 +14,9 @@ from ._core import RecordedShape, RecordingReader
 Array = NDArray[np.float64]
 
 FIRST_HIDDEN_GROUP = 3  # of MuJoCo's convention: groups from here on hold shapes that models do not show
+STRETCH_BYTES = (
+    8 << 20
+)  # as much as is read at a time: thousands of steps of a robot, and no memory to speak of
 PLANE_MARGIN = 1.5  # of how far what moves gets over a plane without end, as in glTF exports
 
 
@@ -57,10 +60,12 @@ class Stretch:
     ) -> None:
         self._source = source
         self._columns = columns
+        self._contact_ends = self._ends("steps/contact_end")
+        self._push_ends = self._ends("steps/wrench_end")
         self.times = columns["steps/time"]
         steps = len(self.times)
         self.poses = columns["steps/poses"].reshape(steps, len(source.bodies), 7)
-        self.coordinates = self.rows("steps/coordinates", len(source.reader.coordinates))
+        self.coordinates = self.rows("steps/coordinates", len(source.coordinates))
         # No velocity is recorded: (q_i - q_(i-1)) / (t_i - t_(i-1)), the mean over the step.
         self.rates = np.full_like(self.coordinates, math.nan)
         times, coordinates = self.times, self.coordinates
@@ -82,12 +87,12 @@ class Stretch:
     def column(self, dataset: str) -> Array:
         return self._columns[dataset]
 
-    def ends(self, dataset: str) -> NDArray[np.int64]:
+    def _ends(self, dataset: str) -> NDArray[np.int64]:
         """(steps + 1,) rows of a table before each step, and after the last."""
         return np.concatenate([[0], self._columns[dataset]]).astype(np.int64)
 
     def contacts(self, step: int) -> list[Contact]:
-        c, ends = self._columns, self.ends("steps/contact_end")
+        c, ends = self._columns, self._contact_ends
         return [
             Contact(
                 self._source.name_of(c["contacts/body_a"][k]),
@@ -102,7 +107,7 @@ class Stretch:
         ]
 
     def pushes(self, step: int) -> list[Push]:
-        c, ends = self._columns, self.ends("steps/wrench_end")
+        c, ends = self._columns, self._push_ends
         return [
             Push(self._source.name_of(c["wrenches/body"][k]), w[:3], w[3:6], w[6:])
             for k in range(ends[step], ends[step + 1])
@@ -115,8 +120,11 @@ class Source:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self.reader = RecordingReader(path)
-        self.bodies = self.reader.bodies
+        self.reader = RecordingReader(path, STRETCH_BYTES)
+        self.bodies = [text(name) for name in self.reader.bodies]
+        self.coordinates = [text(name) for name in self.reader.coordinates]
+        self.controls = [text(name) for name in self.reader.controls]
+        self.sensors = [text(name) for name in self.reader.sensors]
         self.left_out: list[str] = []
         self.shapes = self._drawn_shapes()
         self._plane_halves = self._find_plane_halves()
@@ -137,7 +145,7 @@ class Source:
             yield stretch
 
     def describe(self, shape: RecordedShape) -> str:
-        name = f"'{shape.name}'" if shape.name else f"a {shape.kind}"
+        name = f"'{text(shape.name)}'" if shape.name else f"a {shape.kind}"
         return f"shape {name} of {self.name_of(shape.body)}"
 
     def triangles(self, shape: RecordedShape) -> Triangles:
@@ -193,7 +201,7 @@ class Source:
             return np.zeros(3), np.zeros(3)
         places = self.reader.initial_poses[:, :3]
         low, high = places - radii[:, np.newaxis], places + radii[:, np.newaxis]
-        again = RecordingReader(self.path)
+        again = RecordingReader(self.path, STRETCH_BYTES)
         while (columns := again.next()) is not None:
             places = columns["steps/poses"].reshape(-1, len(radii), 7)[:, :, :3]
             low = np.minimum(low, places.min(axis=0) - radii[:, np.newaxis])
@@ -213,6 +221,11 @@ class Source:
             width = float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
         weight = self.reader.weight
         return (width if width > 0 else 1.0) / (weight if weight > 0 else 1.0)
+
+
+def text(name: str) -> str:
+    """The name with a mark in place of bytes that are no UTF-8, which the formats do not hold."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
 
 
 def rotation(quaternion: Array) -> Array:

@@ -7,6 +7,7 @@
 #include <fork1s/record/recording.hpp>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -42,11 +43,16 @@ class Reader {
 
   const RecordingHeader& header() const { return reader_.header(); }
   const std::vector<std::string>& names() const { return names_; }
-  Recording Next() { return Take(reader_.Next(), header().path); }
+  /// May be called by several threads, without the GIL.
+  Recording Next() {
+    const std::lock_guard one_by_one(mutex_);
+    return Take(reader_.Next(), header().path);
+  }
 
  private:
   RecordingReader reader_;
   std::vector<std::string> names_;
+  std::mutex mutex_;
 };
 
 /// A shape and whose it is. The reader keeps the scene.

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import fork1s
 import fork1s.logs
+from fork1s import _log_source
 
 pytest.importorskip("mcap")
 h5py = pytest.importorskip("h5py")
@@ -371,6 +372,58 @@ def test_damage_in_a_step_leaves_what_was_there(recording, tmp_path):
     with pytest.raises(fork1s.Error, match=r"broken\.h5"):
         fork1s.logs.export_mcap(broken, out)
     assert out.read_bytes() == before
+
+
+def test_stretches_join(recording, tmp_path, monkeypatch):
+    """The same file whatever is read at a time: rates and tables go on from stretch to stretch."""
+    fork1s.logs.export_mcap(recording, tmp_path / "whole.mcap")
+    monkeypatch.setattr(_log_source, "STRETCH_BYTES", 1)
+    stretches = list(_log_source.Source(str(recording)).stretches())
+    assert len(stretches) > 1 and sum(len(s) for s in stretches) == 40
+    fork1s.logs.export_mcap(recording, tmp_path / "parts.mcap")
+    assert (tmp_path / "whole.mcap").read_bytes() == (tmp_path / "parts.mcap").read_bytes()
+    pytest.importorskip("rerun")
+    fork1s.logs.export_rerun(recording, tmp_path / "parts.rrd")
+    check_rerun_poses(read_rerun(tmp_path / "parts.rrd"), recording)
+
+
+@pytest.mark.parametrize("ending", ["mcap", "rrd"])
+def test_recordings_that_go_on_or_have_no_steps(ending, tmp_path):
+    export = {"mcap": fork1s.logs.export_mcap, "rrd": fork1s.logs.export_rerun}[ending]
+    pytest.importorskip({"mcap": "mcap", "rrd": "rerun"}[ending])
+    sim = fork1s.Simulation(fork1s.load(SHAPES), dt=0.01)
+    sim.record(tmp_path / "run.h5")
+    sim._flush_recording()
+    assert export(tmp_path / "run.h5", tmp_path / f"run.{ending}").steps == 0
+    sim.step(3)
+    sim._flush_recording()
+    done = export(tmp_path / "run.h5", tmp_path / f"run.{ending}")
+    assert done.steps == 3 and "not finished" in done.left_out[0]
+    sim.stop_recording()
+    assert export(tmp_path / "run.h5", tmp_path / f"run.{ending}") == fork1s.logs.Export(3, ())
+
+
+@pytest.mark.parametrize("ending", ["mcap", "rrd"])
+@pytest.mark.parametrize("missing", ["most", "end"])
+def test_a_full_disk_is_an_error_and_leaves_no_file(ending, missing, recording, tmp_path):
+    """By a limit on the size of files, which writing meets as it meets a full disk; also at the footer."""
+    export = {"mcap": fork1s.logs.export_mcap, "rrd": fork1s.logs.export_rerun}[ending]
+    pytest.importorskip({"mcap": "mcap", "rrd": "rerun"}[ending])
+    out = tmp_path / f"run.{ending}"
+    export(recording, out)
+    limit = 4096 if missing == "most" else out.stat().st_size - 100
+    out.unlink()
+    program = f"""
+import resource, signal, sys
+import fork1s.logs
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+sys.exit(fork1s.logs.main([{str(recording)!r}, {str(out)!r}]))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 3 and f"run.{ending}: cannot be written" in done.stderr, done.stderr
+    assert "Traceback" not in done.stderr and "disk" in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def command(*arguments):
