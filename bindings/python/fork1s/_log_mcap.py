@@ -92,7 +92,7 @@ del _REPORT["timestamp"]
 
 def _descriptors(message: Any) -> bytes:
     """The file of a message and all that it needs, as readers of MCAP want them."""
-    files, names = FileDescriptorSet(), set()
+    files, names = FileDescriptorSet(), set[str]()
 
     def add(file: Any) -> None:
         if file.name in names:
@@ -225,7 +225,7 @@ class McapLog:
         self._add("/tf", FrameTransforms(transforms=transforms), time)
 
     def _write_joints(self, stretch: Stretch, i: int, time: float) -> None:
-        joints = []
+        joints: list[JointState] = []
         for name, position, rate in zip(self._source.coordinates, stretch.coordinates[i], stretch.rates[i]):
             joint = JointState(name=name, position=float(position))
             if math.isfinite(rate):
@@ -234,7 +234,7 @@ class McapLog:
         self._add("/joints", JointStates(timestamp=self._stamp(time), joints=joints), time)
 
     def _write_arrows(self, contacts: list[Contact], time: float) -> None:
-        arrows = []
+        arrows: list[ArrowPrimitive] = []
         for contact in contacts:
             size = float(np.linalg.norm(contact.force))
             length = size * self._source.force_scale

@@ -177,7 +177,7 @@ class Source:
         if not endless:
             return {}
         low, high = self._bounds_of_motion()
-        halves = {}
+        halves: dict[int, float] = {}
         for k in endless:
             shape = self.shapes[k]
             pose = (

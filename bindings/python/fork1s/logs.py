@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import _core
+from ._core import NewFile
 from ._errors import Error, FileError, NumericsError, UsageError
 from ._log_source import Source
 
@@ -107,7 +107,7 @@ def _export(
         raise UsageError(f"{out}: is the recording itself; give another name to write to")
     if force_scale is not None:
         source.force_scale = float(force_scale)
-    file = _core.NewFile(out, *kind)
+    file = NewFile(out, *kind)
     try:
         steps = write(source, file.part)
         file.keep()
