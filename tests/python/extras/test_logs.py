@@ -131,6 +131,21 @@ def test_mcap_has_the_recorded_poses_joints_and_times(recording, tmp_path):
             )
 
 
+def test_joints_of_a_fall_have_its_closed_form(tmp_path):
+    """q = -g t²/2, whose mean rate over a step is -g (t - h/2); the integrator is exact for parabolas."""
+    model = fork1s.load("""<mujoco><worldbody><body name="weight"><joint name="fall" type="slide" axis="0 0 1"/>
+      <geom size=".1" mass="3"/></body></worldbody></mujoco>""")
+    record(model, tmp_path / "run.h5", steps=20, dt=0.01)
+    fork1s.logs.export_mcap(tmp_path / "run.h5", tmp_path / "run.mcap")
+    joints = read_mcap(tmp_path / "run.mcap")["/joints"]
+    t = np.array([time for time, _, _ in joints]) * 1e-9
+    assert_allclose(t, 0.01 * np.arange(1, 21), atol=1e-9)
+    assert_allclose([m.joints[0].position for _, _, m in joints], -9.81 * t**2 / 2, atol=1e-9)
+    velocities = [m.joints[0].velocity for _, _, m in joints[1:]]
+    # 1e-9 m that Newton leaves, over a step of 0.01 s
+    assert_allclose(velocities, -9.81 * (t[1:] - 0.005), atol=1e-7)
+
+
 def test_mcap_draws_every_shape_at_its_place(recording, tmp_path):
     fork1s.logs.export_mcap(recording, tmp_path / "run.mcap")
     ((_, name, content),) = read_mcap(tmp_path / "run.mcap")["/scene"]
