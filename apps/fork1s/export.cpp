@@ -178,10 +178,14 @@ int Run(const ExportArguments& args) {
   if (!page && !gltf && !film && !extension.empty() && !args.video && !std::filesystem::is_directory(out))
     return Report(
         {ErrorCode::kUsage, args.out,
-         fmt::format(
-             "the extension '{0}' is not known; known are .html, .glb, .gltf, .mp4 and .png, "
-             ".xml and .fmu for a model, and a folder for CSV tables: write {1}/ if it is the name of one",
-             extension, args.out)},
+         is({".mcap", ".rrd"})
+             ? fmt::format("is a file of a log viewer, which the Python package writes: pip install "
+                           "'fork1s[logs]', then python -m fork1s.logs {} {}",
+                           args.model.path, args.out)
+             : fmt::format(
+                   "the extension '{0}' is not known; known are .html, .glb, .gltf, .mp4 and .png, "
+                   ".xml and .fmu for a model, and a folder for CSV tables: write {1}/ if it is the name of one",
+                   extension, args.out)},
         false);
   if (args.color_by_option->count() > 0 && !film && !args.video)
     return Report({ErrorCode::kUsage, "--color-by",

@@ -211,6 +211,12 @@ TEST(Exports, UnknownExtensionsListTheKnown) {
   EXPECT_EQ(Fork1s("export " + file + " " + out).code, 0);        // now it is one
   EXPECT_TRUE(std::filesystem::exists(out + "/poses.csv"));
   EXPECT_EQ(Fork1s("export --fps 30 " + file + " " + out).code, 2);  // tables have no keys
+  for (const std::string log : {"run.mcap", "run.rrd"}) {
+    const Outcome other = Fork1s("export " + file + " " + log);
+    EXPECT_EQ(other.code, 2);
+    EXPECT_NE(other.err.find("python -m fork1s.logs " + file + " " + log), std::string::npos) << other.err;
+    EXPECT_NE(other.err.find("pip install 'fork1s[logs]'"), std::string::npos) << other.err;
+  }
   EXPECT_EQ(Fork1s("export --fps -1 " + file + " run.glb").code, 2);
   EXPECT_EQ(Fork1s("export " + file + " /no/such/folder/run.glb").code, 3);
 }

@@ -20,6 +20,7 @@ void BindControls(nanobind::module_& m);
 void BindSensors(nanobind::module_& m);
 void BindBatch(nanobind::module_& m);
 void BindCompare(nanobind::module_& m);
+void BindRecording(nanobind::module_& m);
 void BindShow(nanobind::module_& m);
 void BindStatics(nanobind::module_& m);
 

@@ -22,5 +22,6 @@ NB_MODULE(_core, m) {
   BindBatch(m);
   BindStatics(m);
   BindCompare(m);
+  BindRecording(m);
   BindShow(m);
 }
