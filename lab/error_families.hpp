@@ -33,10 +33,10 @@ struct WorstEstimate {
   ErrorFamily family = ErrorFamily::kTree;
   unsigned seed = 0;
   std::string body;
-  double time = 0;                               // s
-  double shown = 0, error = 0, motion = 0;       // m
-  double interior = 0, step = 0;  // m, parts of what is shown
-  double order = 0;                              // observed, of the runs that make the truth
+  double time = 0;                          // s
+  double shown = 0, error = 0, motion = 0;  // m
+  double interior = 0, step = 0;            // m, parts of what is shown
+  double order = 0;                         // observed, of the runs that make the truth
   double ratio() const { return shown / error; }
 };
 

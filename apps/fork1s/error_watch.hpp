@@ -36,7 +36,7 @@ class ErrorWatch {
     std::string name;
     bool is_interface = true;
     double total = 0, interior = 0, time = 0;  // m, largest
-    double last = 0, motion = 0;                              // m
+    double last = 0, motion = 0;               // m
   };
   void Keep();
 

@@ -199,9 +199,9 @@ std::string WorstEstimatesCsv(const std::vector<ErrorCaseResult>& results) {
       "family,seed,body,time_s,told_over_true,told_mm,true_mm,motion_mm,interior_mm,step_mm,"
       "truth_order\n";
   for (const WorstEstimate& w : all)
-    text += fmt::format("{},{},{},{:.3f},{:.3g},{:.4g},{:.4g},{:.4g},{:.3g},{:.3g},{:.2f}\n",
-                        Name(w.family), w.seed, w.body, w.time, w.ratio(), 1e3 * w.shown, 1e3 * w.error,
-                        1e3 * w.motion, 1e3 * w.interior, 1e3 * w.step, w.order);
+    text += fmt::format("{},{},{},{:.3f},{:.3g},{:.4g},{:.4g},{:.4g},{:.3g},{:.3g},{:.2f}\n", Name(w.family),
+                        w.seed, w.body, w.time, w.ratio(), 1e3 * w.shown, 1e3 * w.error, 1e3 * w.motion,
+                        1e3 * w.interior, 1e3 * w.step, w.order);
   return text;
 }
 

@@ -38,7 +38,9 @@ bool LeavesSomething(const Simulation& simulation) {
 Vector3 Place(const World& world, const BodyError& body) {
   const auto index = static_cast<std::size_t>(body.index);
   if (body.mechanism < 0) return world.free_bodies()[index].pose().translation();
-  return world.mechanisms()[static_cast<std::size_t>(body.mechanism)].BodyPose(BodyIndex(body.index)).translation();
+  return world.mechanisms()[static_cast<std::size_t>(body.mechanism)]
+      .BodyPose(BodyIndex(body.index))
+      .translation();
 }
 
 }  // namespace
@@ -63,7 +65,8 @@ ErrorEstimate& ErrorEstimate::operator=(ErrorEstimate&&) noexcept = default;
 const std::vector<BodyError>& ErrorEstimate::bodies() const { return detail_->bodies; }
 bool ErrorEstimate::Failed() const { return detail_->failed; }
 
-Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation, const ErrorEstimateOptions& options) {
+Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation,
+                                              const ErrorEstimateOptions& options) {
   auto detail = std::make_unique<Detail>();
   Detail& d = *detail;
   d.options = options;

@@ -148,7 +148,8 @@ StepReport World::StepInParts(const WorldState& inputs, const StepOptions& optio
   StepReport report;
   report.parts = 0;
   for (int k = 0; k < parts; ++k) {
-    detail_->SetInputsOfPart(inputs, options.h, static_cast<double>(k) / parts, static_cast<double>(k + 1) / parts);
+    detail_->SetInputsOfPart(inputs, options.h, static_cast<double>(k) / parts,
+                             static_cast<double>(k + 1) / parts);
     AddReport(Step(part), report);
     if (!report.finite) break;
   }

@@ -216,35 +216,38 @@ Shares SharesOf(Make make, unsigned seeds) {
   return sums;
 }
 
-// In the first `few` mechanisms or in all of them, of which the frames are at least 500 and 300.
+// In the first `few` mechanisms or in all of them. Errors below 0.02 % of the motion do not count; of all frames at least
+// 500 do by backward Euler, and 60 by two stages, which err less than that where something slides.
 template <typename Make>
 void ExpectMostInside(Make make, unsigned few, unsigned all) {
   const unsigned seeds = testing::Seeds(few, all);
   const Shares shares = SharesOf(make, seeds);
   EXPECT_GT(shares.euler.all, 500 * seeds / all);
   EXPECT_GE(shares.euler.inside, 0.95 * shares.euler.all);
-  // Centred differences of its nodes err by about as much as two stages do (88 to 95 % inside). With contacts
-  // taken where the step ends, what rolls was told an error of 100 times its own.
-  EXPECT_GT(shares.two_stage.all, 300 * seeds / all);
-  EXPECT_GE(shares.two_stage.inside, 0.85 * shares.two_stage.all);
+  EXPECT_GT(shares.two_stage.all, 60 * seeds / all);
+  EXPECT_GE(shares.two_stage.inside, 0.95 * shares.two_stage.all);
 }
 
-// Centred differences err by as much as two stages do. With them alone 87.6 % of the frames of these trees and
-// 85.6 % of those on driven bases were told within half and three times the error: what was told was their own
-// error. Nine of ten frames are what a user may expect.
-TEST(ErrorEstimate, OfTwoStagesIsNotThatOfItsOwnDifferences) {
-  ErrorShares trees, driven;
-  for (unsigned seed = 1001; seed <= 1160; seed += 8) {
-    for (const auto& [family, sum, of] : {std::tuple(ErrorFamily::kTree, &trees, seed),
-                                          std::tuple(ErrorFamily::kDriven, &driven, seed + 3)}) {
-      auto result = MeasureErrorCase(DrawErrorCase(family, of), family, of, ErrorTruth::kAllModes);
+// Of trees, loops and bases that move every frame is told within half and three times the error. Where fingers close and
+// feet land a step and a quarter of it may err alike: 2 to 4 % of all frames are told less than half
+// (docs/accuracy.md, section 5).
+TEST(ErrorEstimate, IsWithinHalfAndThriceTheErrorInEveryFamily) {
+  ErrorShares all;
+  for (const ErrorFamily family : kErrorFamilies) {
+    ErrorShares sum;
+    for (unsigned k = 0; k < testing::Seeds(2, 20); ++k) {
+      const unsigned seed = 2001 + k;
+      auto result = MeasureErrorCase(DrawErrorCase(family, seed), family, seed, ErrorTruth::kAllModes);
       ASSERT_TRUE(result) << result.error().Text();
-      *sum += result->shares;
+      sum += result->shares;
     }
+    if (family != ErrorFamily::kGrasp && family != ErrorFamily::kLanding)
+      EXPECT_GE(sum.inside, 0.98 * sum.told()) << Name(family);
+    all += sum;
   }
-  EXPECT_GE(trees.inside, 0.9 * trees.told());
-  EXPECT_GE(driven.inside, 0.9 * driven.told());
-  EXPECT_LE(trees.below + driven.below, 0.02 * (trees.told() + driven.told()));
+  EXPECT_GT(all.told(), 300);
+  EXPECT_GE(all.inside, 0.9 * all.told());
+  EXPECT_LE(all.below, 0.08 * all.told());
 }
 
 // Seeds 1 to 24, of the others 1 to 12, are those on which the estimate was tried while it was made; 101 to
@@ -353,9 +356,7 @@ EstimateShare ShareOfStrikes(Integrator integrator, bool smooth) {
 TEST(ErrorEstimate, IsSoOfWhatStrikesAndSlidesOnWhateverTheStep) {
   const EstimateShare euler = ShareOfStrikes(Integrator::kEuler, false);
   EXPECT_GE(euler.inside, 0.95 * euler.all);
-  // A step of second order errs by a twentieth of that, and what the parts of an impact leave, which nodes do
-  // not show, is as large as the rest of it. With contacts taken to stick where they slid, and softer than
-  // they are, 14 of 40 were inside.
+  // By two stages what the parts of an impact leave is as large as the rest of the error, and of first order.
   const EstimateShare two_stage = ShareOfStrikes(Integrator::kTwoStage, false);
   EXPECT_GE(two_stage.inside, 0.5 * two_stage.all);
 }
@@ -441,15 +442,12 @@ double MissOfOscillator(double rate, Integrator integrator) {
   return miss / largest;
 }
 
-// A centred difference has a sixth of a corner's change that the control at the node has not: without it up
-// to 5.1 times the error is told by two stages. Where the spring rules, centred differences err by (rate
-// h)^3/24 a step in phase and two stages by 0.0404 (rate h)^3, of the same sign: twice the error is told.
+// What extrapolation leaves is of the next order in rate h.
 TEST(ErrorEstimate, OfAnOscillatorDrivenByATableWithCorners) {
   for (const double rate : {0.5, 2.0, 8.0, 20.0}) {
-    EXPECT_LT(MissOfOscillator(rate, Integrator::kEuler), 0.05) << rate;
-    EXPECT_LT(MissOfOscillator(rate, Integrator::kTwoStage), 1.05) << rate;
+    EXPECT_LT(MissOfOscillator(rate, Integrator::kEuler), rate / 60) << rate;
+    EXPECT_LT(MissOfOscillator(rate, Integrator::kTwoStage), std::max(1e-3, rate / 60)) << rate;
   }
-  EXPECT_LT(MissOfOscillator(0.5, Integrator::kTwoStage), 0.05);
 }
 
 // Free bodies fall by the mean of their velocities, which is exact: nothing is missing, and what the start
@@ -507,9 +505,8 @@ TEST(ErrorEstimate, OfABallThatRollsIsNone) {
     estimate.Follow(s, report);
   }
   EXPECT_NEAR(s.Pose(0).translation().x(), kSpeed, 1e-4);
-  // The depth of a contact, 10 um. With the contact taken where the step ends it was more than a tenth of the
-  // way.
-  EXPECT_LT(estimate.bodies()[0].shown, 1e-5);
+  // The depth of its contact is 10 um and falls with the step; what it rolls ahead by that is less.
+  EXPECT_LT(estimate.bodies()[0].shown, 2e-5);
 }
 
 TEST(ErrorEstimate, IsNoneWhereNothingMoves) {

@@ -27,7 +27,7 @@ struct BodyError {
   int index = 0;                       // body of the mechanism, or free body
   Vector3 interior = Vector3::Zero();  // m, world axes: of modes and of recovery
   Vector3 time = Vector3::Zero();      // m: of the time step
-  double shown = 0;                    // m, largest |interior + time| within the window; infinite after Failed()
+  double shown = 0;  // m, largest |interior + time| within the window; infinite after Failed()
   double shown_interior = 0, shown_time = 0;  // m, each part's own largest
   double motion = 0;                          // m, largest way from the start so far
 };
@@ -37,7 +37,8 @@ struct BodyError {
 class ErrorEstimate {
  public:
   /// Errors are those of Simulation::Create and SetFidelity.
-  static Expected<ErrorEstimate> Create(const Simulation& simulation, const ErrorEstimateOptions& options = {});
+  static Expected<ErrorEstimate> Create(const Simulation& simulation,
+                                        const ErrorEstimateOptions& options = {});
   ~ErrorEstimate();
   ErrorEstimate(ErrorEstimate&&) noexcept;
   ErrorEstimate& operator=(ErrorEstimate&&) noexcept;
