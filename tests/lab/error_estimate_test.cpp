@@ -241,8 +241,9 @@ TEST(ErrorEstimate, IsWithinHalfAndThriceTheErrorInEveryFamily) {
       ASSERT_TRUE(result) << result.error().Text();
       sum += result->shares;
     }
-    if (family != ErrorFamily::kGrasp && family != ErrorFamily::kLanding)
+    if (family != ErrorFamily::kGrasp && family != ErrorFamily::kLanding) {
       EXPECT_GE(sum.inside, 0.98 * sum.told()) << Name(family);
+    }
     all += sum;
   }
   EXPECT_GT(all.told(), 300);

@@ -9,7 +9,7 @@
 namespace fork1s {
 namespace {
 
-constexpr double kStep = 1.0 / 64, kForce = 3;  // s, N; a length whose parts have no rounding
+constexpr double kWholeStep = 1.0 / 64, kPull = 3;  // s, N; a length whose parts have no rounding
 
 // A stone that falls and a pendulum with a servo, apart.
 Scene StoneAndPendulum() {
@@ -48,12 +48,13 @@ Simulation MustCreate(double dt) {
 // The same path by a simulation of a quarter of the step that is told where the control is at each quarter.
 TEST(StepInParts, OfControlsThatMoveOrAreHeldIsWhatAFinerSimulationDoes) {
   for (const bool moves : {true, false}) {
-    Simulation whole = MustCreate(kStep), parts = MustCreate(kStep), fine = MustCreate(kStep / 4);
+    Simulation whole = MustCreate(kWholeStep), parts = MustCreate(kWholeStep),
+               fine = MustCreate(kWholeStep / 4);
     double before = 0;
     for (int i = 1; i <= 40; ++i) {
       const double set = 0.3 * i / 16.0;
       whole.SetControl("set", set);
-      whole.ApplyWrench(whole.FindBody("stone"), Vector3(kForce, 0, 0), Vector3::Zero(),
+      whole.ApplyWrench(whole.FindBody("stone"), Vector3(kPull, 0, 0), Vector3::Zero(),
                         whole.Pose("stone").translation());
       ASSERT_TRUE(whole.Step(moves).finite);
       StepOptions options = whole.step_options();
@@ -62,7 +63,7 @@ TEST(StepInParts, OfControlsThatMoveOrAreHeldIsWhatAFinerSimulationDoes) {
       EXPECT_EQ(report.parts, 4);
       for (int k = 1; k <= 4; ++k) {
         fine.SetControl("set", moves ? before + k / 4.0 * (set - before) : set);
-        fine.ApplyWrench(fine.FindBody("stone"), Vector3(kForce, 0, 0), Vector3::Zero(),
+        fine.ApplyWrench(fine.FindBody("stone"), Vector3(kPull, 0, 0), Vector3::Zero(),
                          fine.Pose("stone").translation());
         ASSERT_TRUE(fine.Step(moves).finite);
       }
@@ -73,13 +74,13 @@ TEST(StepInParts, OfControlsThatMoveOrAreHeldIsWhatAFinerSimulationDoes) {
     }
     // The force and the weight on the stone, both constant, which no step errs in.
     const double t = whole.time();
-    EXPECT_NEAR(parts.Pose("stone").translation().x(), 5 + 0.5 * kForce * t * t, 1e-12);
+    EXPECT_NEAR(parts.Pose("stone").translation().x(), 5 + 0.5 * kPull * t * t, 1e-12);
     EXPECT_GT(std::abs(parts.JointCoordinates(0)(0) - whole.JointCoordinates(0)(0)), 1e-7);
   }
 }
 
 TEST(StepInParts, RefusesInputsOfAnotherWorldAndBeforeTheFirstStep) {
-  Simulation here = MustCreate(kStep);
+  Simulation here = MustCreate(kWholeStep);
   EXPECT_THROW(here.world().StartOfLastStep(), std::invalid_argument);
   ASSERT_TRUE(here.Step().finite);
   Scene alone = StoneAndPendulum();
