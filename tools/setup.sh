@@ -11,7 +11,7 @@ set -euo pipefail
 build_packages=(
   g++ cmake ninja-build ccache
   libeigen3-dev python3-pip python3-dev python3-venv libtinyxml2-dev libcli11-dev libfmt-dev nlohmann-json3-dev
-  libexpected-dev libhdf5-dev zlib1g-dev libtbb-dev libspectra-dev libassimp-dev libhwy-dev
+  libexpected-dev libhdf5-dev zlib1g-dev libtbb-dev libspectra-dev libassimp-dev libminizip-dev libhwy-dev
   libgtest-dev
   libboost-dev
   libgles-dev

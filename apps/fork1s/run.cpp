@@ -232,9 +232,10 @@ void AddRun(CLI::App& app, Action& action) {
           "it chose")
       ->excludes("--detail")
       ->excludes(steps);
-  command->add_flag("--error", args->error,
-                    "estimate how far the run is from the truth: what the reduction leaves out, what bends "
-                    "within a step, and the time step");
+  command->add_flag(
+      "--error", args->error,
+      "estimate how far the run is from the truth, the time step and what the reduction leaves out, by "
+      "simulations of a quarter of the step beside it");
   command->add_flag("--no-load-factor", args->no_load_factor,
                     "do not watch how much harder a grasp may press before it ejects what it holds");
   command->callback([&action, args] { action = [args] { return Run(*args); }; });

@@ -63,7 +63,7 @@ void LiveSimulation::KeepAccuracy() {
   bool leaves_something = false;
   for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
     kept = std::max(kept, m.model().num_modes);
-    leaves_something |= m.model().size() < m.mechanism().num_coordinates() - m.mechanism().num_constraints();
+    leaves_something |= m.model().has_complement;
   }
   LiveSettings changed = settings_;
   std::string what;

@@ -30,8 +30,7 @@ Expected<Simulation> Copy(const Simulation& from) {
 bool LeavesSomething(const Simulation& simulation) {
   const auto& mechanisms = simulation.world().mechanisms();
   return std::any_of(mechanisms.begin(), mechanisms.end(), [](const MechanismDynamics& m) {
-    return m.recovery() != Recovery::kExact ||
-           m.model().size() < m.mechanism().num_coordinates() - m.mechanism().num_constraints();
+    return m.recovery() != Recovery::kExact || m.model().has_complement;
   });
 }
 
