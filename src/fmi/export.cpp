@@ -41,14 +41,6 @@ Expected<std::vector<int>> FindBodies(const Simulation& simulation, const std::v
   return bodies;
 }
 
-Expected<std::string> ReadFile(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  if (!in.is_open() || in.bad())
-    return Fail(ErrorCode::kFile, path.string(), "cannot be read; build or install fork1s again");
-  return bytes;
-}
-
 // Program, libraries and licenses, by their places in the archive.
 Expected<std::vector<ZipEntry>> ProgramEntries(const std::string& folder, const std::string& binaries,
                                                const std::string& identifier) {
@@ -66,7 +58,7 @@ Expected<std::vector<ZipEntry>> ProgramEntries(const std::string& folder, const 
   std::sort(paths.begin(), paths.end());
   std::vector<ZipEntry> entries;
   for (const fs::path& path : paths) {
-    auto bytes = ReadFile(path);
+    auto bytes = ReadFile(path.string(), "build or install fork1s again");
     if (!bytes) return tl::unexpected(bytes.error());
     const std::string name = path.lexically_relative(folder).generic_string();
     if (name.rfind("licenses/", 0) == 0)

@@ -123,15 +123,7 @@ void DropPictures(std::vector<GeometryDef>& geometries) {
   for (GeometryDef& g : geometries) g.picture = nullptr;
 }
 
-Expected<std::string> ReadFile(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  if (!in.is_open() || in.bad())
-    return Fail(ErrorCode::kFile, path,
-                std::string("cannot be read (") + std::strerror(errno) +
-                    "); unpack the whole archive of the unit again");
-  return bytes;
-}
+constexpr const char* kUnpack = "unpack the whole archive of the unit again";
 
 std::uint64_t Mix(std::uint64_t value, const std::string& bytes) {
   for (const char c : bytes) {  // FNV-1a
@@ -142,6 +134,15 @@ std::uint64_t Mix(std::uint64_t value, const std::string& bytes) {
 }
 
 }  // namespace
+
+Expected<std::string> ReadFile(const std::string& path, const char* remedy) {
+  std::ifstream in(path, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  if (!in.is_open() || in.bad())
+    return Fail(ErrorCode::kFile, path,
+                std::string("cannot be read (") + std::strerror(errno) + "); " + remedy);
+  return bytes;
+}
 
 std::map<std::string, std::string> WriteResources(const UnitModel& model) {
   ImportedScene imported = model.imported;
@@ -175,7 +176,7 @@ std::string TokenOf(const std::map<std::string, std::string>& resources) {
 }
 
 Expected<std::string> ReadToken(const std::string& folder) {
-  auto unit = ReadFile(folder + '/' + kUnit);
+  auto unit = ReadFile(folder + '/' + kUnit, kUnpack);
   if (!unit) return unit;
   try {
     return Json::parse(*unit).at("token").get<std::string>();
@@ -188,7 +189,7 @@ Expected<std::string> ReadToken(const std::string& folder) {
 Expected<UnitModel> ReadResources(const std::string& folder) {
   std::map<std::string, std::string> files;
   for (const char* name : {kScene, kArrays, kOptions, kUnit}) {
-    auto bytes = ReadFile(folder + '/' + name);
+    auto bytes = ReadFile(folder + '/' + name, kUnpack);
     if (!bytes) return tl::unexpected(bytes.error());
     files[name] = std::move(*bytes);
   }

@@ -16,6 +16,8 @@ struct UnitModel {
   std::vector<int> bodies;  // that have variables: places in Simulation::bodies()
 };
 
+/// Errors: kFile, with the remedy.
+Expected<std::string> ReadFile(const std::string& path, const char* remedy);
 /// Contents of files by their names. Pictures are left out.
 std::map<std::string, std::string> WriteResources(const UnitModel& model);
 /// Every double to its last bit. Errors: kFile, kFormat.

@@ -7,9 +7,14 @@
 
 #include "instance.hpp"
 
+using fork1s::fmu::FreeState;
 using fork1s::fmu::GuardCall;
 using fork1s::fmu::Instance;
+using fork1s::fmu::kNoBytes;
 using fork1s::fmu::Misuse;
+using fork1s::fmu::RequireGiven;
+using fork1s::fmu::RestoreState;
+using fork1s::fmu::SaveState;
 using fork1s::fmu::Status;
 
 namespace {
@@ -46,10 +51,6 @@ fmi2Status Call(fmi2Component component, const char* function, const F& f) noexc
 
 fmi2Status Refuse(fmi2Component component, const char* function, const char* message) noexcept {
   return Call(component, function, [&](Instance&) { Misuse(message); });
-}
-
-void RequireGiven(const void* pointer, const char* argument) {
-  if (!pointer) Misuse(std::string(argument) + " is NULL; give what it is to point to");
 }
 
 void RequireArrays(const void* references, size_t count, const void* values) {
@@ -194,30 +195,15 @@ FORK1S_NO_VARIABLES(Boolean)
 FORK1S_NO_VARIABLES(String)
 #undef FORK1S_NO_VARIABLES
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate* FMUstate) {
-  return Call(c, __func__, [&](Instance& unit) {
-    RequireGiven(FMUstate, "FMUstate");
-    auto state = unit.Save();
-    if (*FMUstate)
-      *static_cast<Instance::State*>(*FMUstate) = std::move(*state);
-    else
-      *FMUstate = state.release();
-  });
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate* state) {
+  return Call(c, __func__, [&](Instance& unit) { SaveState(unit, state); });
 }
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate) {
-  return Call(c, __func__, [&](Instance& unit) {
-    RequireGiven(FMUstate, "FMUstate");
-    unit.Restore(*static_cast<const Instance::State*>(FMUstate));
-  });
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
+  return Call(c, __func__, [&](Instance& unit) { RestoreState(unit, state); });
 }
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate* FMUstate) {
-  return Call(c, __func__, [&](Instance&) {
-    if (!FMUstate) return;
-    delete static_cast<Instance::State*>(*FMUstate);
-    *FMUstate = nullptr;
-  });
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate* state) {
+  return Call(c, __func__, [&](Instance&) { FreeState(state); });
 }
-constexpr const char* kNoBytes = "states of the unit cannot be written as bytes; its description says so";
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate, size_t*) {
   return Refuse(c, __func__, kNoBytes);
 }

@@ -7,9 +7,14 @@
 
 #include "instance.hpp"
 
+using fork1s::fmu::FreeState;
 using fork1s::fmu::GuardCall;
 using fork1s::fmu::Instance;
+using fork1s::fmu::kNoBytes;
 using fork1s::fmu::Misuse;
+using fork1s::fmu::RequireGiven;
+using fork1s::fmu::RestoreState;
+using fork1s::fmu::SaveState;
 using fork1s::fmu::Status;
 
 namespace {
@@ -41,10 +46,6 @@ fmi3Status Call(fmi3Instance instance, const char* function, const F& f) noexcep
 
 fmi3Status Refuse(fmi3Instance instance, const char* function, const char* message) noexcept {
   return Call(instance, function, [&](Instance&) { Misuse(message); });
-}
-
-void RequireGiven(const void* pointer, const char* argument) {
-  if (!pointer) Misuse(std::string(argument) + " is NULL; give what it is to point to");
 }
 
 void RequireArrays(const void* references, size_t num_references, const void* values, size_t num_values) {
@@ -212,30 +213,15 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference
   return Refuse(instance, __func__, kNoDependencies);
 }
 
-fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState* FMUState) {
-  return Call(instance, __func__, [&](Instance& unit) {
-    RequireGiven(FMUState, "FMUState");
-    auto state = unit.Save();
-    if (*FMUState)
-      *static_cast<Instance::State*>(*FMUState) = std::move(*state);
-    else
-      *FMUState = state.release();
-  });
+fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState* state) {
+  return Call(instance, __func__, [&](Instance& unit) { SaveState(unit, state); });
 }
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState) {
-  return Call(instance, __func__, [&](Instance& unit) {
-    RequireGiven(FMUState, "FMUState");
-    unit.Restore(*static_cast<const Instance::State*>(FMUState));
-  });
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
+  return Call(instance, __func__, [&](Instance& unit) { RestoreState(unit, state); });
 }
-fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState* FMUState) {
-  return Call(instance, __func__, [&](Instance&) {
-    if (!FMUState) return;
-    delete static_cast<Instance::State*>(*FMUState);
-    *FMUState = nullptr;
-  });
+fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState* state) {
+  return Call(instance, __func__, [&](Instance&) { FreeState(state); });
 }
-constexpr const char* kNoBytes = "states of the unit cannot be written as bytes; its description says so";
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState, size_t*) {
   return Refuse(instance, __func__, kNoBytes);
 }

@@ -41,6 +41,30 @@ void Add(const StepReport& step, fmi::Report& all) {
 
 void Misuse(std::string message) { throw Refused{{ErrorCode::kUsage, "", std::move(message)}}; }
 
+void RequireGiven(const void* pointer, const char* argument) {
+  if (!pointer) Misuse(std::string(argument) + " is NULL; give what it is to point to");
+}
+
+void SaveState(const Instance& instance, void** state) {
+  RequireGiven(state, "the place of the state");
+  auto saved = instance.Save();
+  if (*state)
+    *static_cast<Instance::State*>(*state) = std::move(*saved);
+  else
+    *state = saved.release();
+}
+
+void RestoreState(Instance& instance, void* state) {
+  RequireGiven(state, "the state");
+  instance.Restore(*static_cast<const Instance::State*>(state));
+}
+
+void FreeState(void** state) {
+  if (!state) return;
+  delete static_cast<Instance::State*>(*state);
+  *state = nullptr;
+}
+
 Instance Instance::Read(const std::string& resources, const std::string& token, Log log) {
   const std::string own = Take(fmi::ReadToken(resources));
   if (own != token)
@@ -189,10 +213,13 @@ void Instance::Step(double point, double size) {
     Misuse(Join("the communication point is ", point, " s and the unit is at ", time(),
                 " s; step on from there, or set the state of that time"));
   const double count = std::round(size / dt);
-  constexpr double kMostSteps = 1e9;  // fits into an int, and takes longer than anyone waits
-  if (!(count >= 1) || !(count <= kMostSteps) || !(std::abs(size - count * dt) <= kMostRounding * dt))
+  if (!(count >= 1) || !(std::abs(size - count * dt) <= kMostRounding * dt))
     Misuse(Join("the communication step is ", size, " s; it must be a multiple of the internal step of ", dt,
                 " s: take one, or export the model with another step"));
+  constexpr int kMostSteps = std::numeric_limits<int>::max();
+  if (count > kMostSteps)
+    Misuse(Join("the communication step is ", size, " s, more than ", kMostSteps, " internal steps of ", dt,
+                " s; take shorter ones"));
   const auto steps = static_cast<int>(count);
   const auto first = derivatives_.begin() + variables_.first_control;
   const bool moves =

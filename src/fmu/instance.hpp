@@ -91,6 +91,15 @@ struct Instance::State {
   fmi::Report report;
 };
 
+// What the functions of both versions do the same.
+inline constexpr const char* kNoBytes =
+    "states of the unit cannot be written as bytes; its description says so";
+void RequireGiven(const void* pointer, const char* argument);
+/// Into *state, a State or null, which the caller owns.
+void SaveState(const Instance& instance, void** state);
+void RestoreState(Instance& instance, void* state);
+void FreeState(void** state);
+
 /// Calls f(), whose exceptions become a status and a sentence of the log; the sentence begins with `function`.
 template <class LogTo, class F>
 Status GuardCall(const char* function, const LogTo& log, const F& f) noexcept {

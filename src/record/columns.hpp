@@ -23,6 +23,9 @@ struct Widths {
   int controls = 0, base_rates = 0, bodies = 0, coordinates = 0, sensors = 0, mechanisms = 0;
 };
 
+/// Of the columns of a recording (step_reader.cpp).
+Widths WidthsOf(const RecordingHeader& header);
+
 /// Rows of a column are steps, or those of a table of which a step has any number.
 enum class Rows { kSteps, kReduced, kContacts, kWrenches, kPointSprings };
 inline constexpr std::size_t kNumRows = 5;

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 namespace fork1s::internal {
-namespace {
 
 Widths WidthsOf(const RecordingHeader& header) {
   Widths n;
@@ -17,6 +16,8 @@ Widths WidthsOf(const RecordingHeader& header) {
   n.sensors = static_cast<int>(header.sensor_names.size());
   return n;
 }
+
+namespace {
 
 // Rows of a dataset, after its other dimensions were compared with those of the scene.
 std::size_t RowsOf(const Hdf5& dataset, const Column& column) {

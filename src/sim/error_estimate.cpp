@@ -96,8 +96,7 @@ void ErrorEstimate::Follow(const Simulation& simulation, const StepReport& repor
   Detail& d = *detail_;
   if (!report.finite) return;
   const WorldState& began = simulation.world().StartOfLastStep();
-  StepOptions options = simulation.step_options();
-  options.controls_move = simulation.last_step().controls_moved;
+  const StepOptions& options = simulation.step_options();
   for (auto* other : {&d.finer, &d.whole_model})
     if (*other && !d.failed) d.failed = !(*other)->world().StepInParts(began, options, kParts).finite;
   // What a step of order p errs by is n^p/(n^p - 1) of what steps of 1/n of it change.

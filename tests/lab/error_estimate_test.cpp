@@ -506,8 +506,12 @@ TEST(ErrorEstimate, OfABallThatRollsIsNone) {
     estimate.Follow(s, report);
   }
   EXPECT_NEAR(s.Pose(0).translation().x(), kSpeed, 1e-4);
-  // The depth of its contact is 10 um and falls with the step; what it rolls ahead by that is less.
-  EXPECT_LT(estimate.bodies()[0].shown, 2e-5);
+  // What it is off is the depth of its contact, 10 um, which shorter steps press in less. With the contact taken where
+  // the step ends more than a tenth of the way was told.
+  const double off = (s.Pose(0).translation() - Vector3(kSpeed * s.time(), 0, kRadius)).norm();
+  EXPECT_LT(off, 1e-4);
+  EXPECT_GT(estimate.bodies()[0].shown, 0.5 * off);
+  EXPECT_LT(estimate.bodies()[0].shown, 3 * off);
 }
 
 TEST(ErrorEstimate, IsNoneWhereNothingMoves) {

@@ -62,32 +62,20 @@ struct RecordedShape {
   int body = -1;  // -1: the still world
 };
 
-internal::Widths WidthsOf(const Recording& part) {
-  const RecordingHeader& h = part.header();
-  internal::Widths widths;
-  widths.controls = static_cast<int>(h.control_names.size());
-  widths.base_rates = static_cast<int>(part.data().base_rates.size()) / part.num_steps();
-  widths.bodies = static_cast<int>(h.bodies.size());
-  widths.coordinates = static_cast<int>(h.coordinate_names.size());
-  widths.sensors = static_cast<int>(h.sensor_names.size());
-  widths.mechanisms = static_cast<int>(h.scene.mechanisms.size());
-  return widths;
-}
-
 // Dataset of the file -> (rows, width), but for hashes and checksums, whose 64 bits no double holds.
 nb::dict RecordedColumns(const Recording& part) {
   nb::dict columns;
-  internal::ForEachColumn(
-      part.data(), WidthsOf(part), [&](const internal::Column& column, const auto& values) {
-        if constexpr (!std::is_same_v<std::decay_t<decltype(values[0])>, std::uint64_t>) {
-          const auto width = static_cast<std::size_t>(column.width);
-          if (width == 0) return;
-          std::vector<double> numbers(values.begin(), values.end());
-          const std::size_t rows = numbers.size() / width;
-          columns[column.name] =
-              width == 1 ? Own(std::move(numbers), {rows}) : Own(std::move(numbers), {rows, width});
-        }
-      });
+  internal::ForEachColumn(part.data(), internal::WidthsOf(part.header()),
+                          [&](const internal::Column& column, const auto& values) {
+                            if constexpr (!std::is_same_v<std::decay_t<decltype(values[0])>, std::uint64_t>) {
+                              const auto width = static_cast<std::size_t>(column.width);
+                              if (width == 0) return;
+                              std::vector<double> numbers(values.begin(), values.end());
+                              const std::size_t rows = numbers.size() / width;
+                              columns[column.name] = width == 1 ? Own(std::move(numbers), {rows})
+                                                                : Own(std::move(numbers), {rows, width});
+                            }
+                          });
   return columns;
 }
 

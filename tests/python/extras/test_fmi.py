@@ -295,6 +295,7 @@ def test_misuse_is_an_error_with_a_sentence(unit_of) -> None:
     before = unit.outputs()
     refused(lambda: unit.step(0, 1.5 * DT), "must be a multiple of the internal step of 0.01")
     refused(lambda: unit.step(0, 0), "must be a multiple")
+    refused(lambda: unit.step(0, 2.0**31 * DT), "more than 2147483647 internal steps")
     refused(lambda: unit.step(1, DT), "the communication point is 1 s and the unit is at 0 s")
     refused(lambda: unit.set({output: 0.0}), f"'{output}' is no input and cannot be set")
     refused(lambda: unit.set({control: float("nan")}), f"'{control}' must be finite")
@@ -303,6 +304,46 @@ def test_misuse_is_an_error_with_a_sentence(unit_of) -> None:
     np.testing.assert_array_equal(unit.outputs(), before)
     unit.step(0, DT)
     unit.close()
+
+
+def test_unsolved_step_is_undone_and_said(tmp_path: Path, fmi: str) -> None:
+    model = tmp_path / "ball.xml"
+    model.write_text(
+        '<mujoco><worldbody><body name="ball"><freejoint/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+    )
+    export(model, tmp_path / "ball.fmu", "--fmi", fmi, "--dt", str(DT))
+    unit = Unit(tmp_path / "ball.fmu", tmp_path / "unpacked")
+    unit.step(0, DT)
+    before = unit.pose("ball")
+    unit.set({"bodies.ball.force[1]": 1e308, "bodies.ball.torque[1]": 1e308})
+    with pytest.raises(FMICallException, match="discard"):
+        unit.step(DT, DT)
+    assert "could not be solved even in its shortest parts and was undone" in unit.messages[-1]
+    np.testing.assert_array_equal(unit.pose("ball"), before)
+    unit.set({"bodies.ball.force[1]": 0.0, "bodies.ball.torque[1]": 0.0})
+    unit.step(DT, DT)
+    assert np.isfinite(unit.pose("ball")).all()
+    unit.close()
+
+
+def test_control_beyond_its_range_is_said_once(tmp_path: Path, fmi: str) -> None:
+    model = tmp_path / "arm.xml"
+    model.write_text(
+        """<mujoco><worldbody><body name="arm"><joint name="j" axis="0 1 0" stiffness="1" damping="1"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"/></body></worldbody>
+        <actuator><position name="set" joint="j" kp="10" ctrlrange="-1 1"/></actuator></mujoco>"""
+    )
+    export(model, tmp_path / "arm.fmu", "--fmi", fmi, "--dt", str(DT))
+    ways = []
+    for value in (1.0, 5.0):
+        unit = Unit(tmp_path / "arm.fmu", tmp_path / f"unpacked_{value}")
+        for i in range(3):
+            unit.set({"controls.set": value})
+            unit.step(i * DT, DT)
+        assert sum("outside its range from -1 to 1" in m for m in unit.messages) == (value > 1)
+        ways.append(unit.pose("arm"))
+        unit.close()
+    np.testing.assert_array_equal(*ways)
 
 
 def test_other_resources_are_refused(fmi: str, tmp_path: Path) -> None:
