@@ -149,7 +149,7 @@ void Rebound(const Detection& detection, const Approaches& approaches, double h,
 // the next one, along the rows of its end. Where a length that a stop holds bends, as a taut string does that
 // swings, that velocity runs on into the stop by half of what the stop's force changes in the stage. What
 // closes slower than by all that it has changed in the last step, or part of one, is borne.
-void RecordStops(Bodies& bodies, const StageAtHand& stage, double h, double impact_speed,
+void RecordStops(Bodies& bodies, const StageAtHand& stage, double impact_speed,
                  std::vector<StopHistory>& all) {
   for (std::size_t i = 0; i < bodies.mechanisms.size(); ++i) {
     StopHistory& stops = all[i];
@@ -164,7 +164,7 @@ void RecordStops(Bodies& bodies, const StageAtHand& stage, double h, double impa
       };
       if (!stage.is_backward_euler && !(a.speed < impact_speed) && !(a.speed < turned())) continue;
       stops.carried[at] = 1;
-      stops.is_fresh[at] = h * a.speed > kPartingShare * a.size;
+      stops.is_fresh[at] = a.speed > kPartingRate * a.size;
       stops.start_gap[at] = a.gap / a.scale;
     }
   }

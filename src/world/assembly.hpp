@@ -25,8 +25,8 @@ void AssembleStops(const Bodies& bodies, const StageAtHand& stage, const StepOpt
 void Rebound(const Detection& detection, const Approaches& approaches, double h, ConstraintRows& rows);
 /// Stops and dry friction start from the forces that they bore: impulses times the ratio of lengths of steps.
 void StartStops(double steps_ratio, std::vector<StopHistory>& stops);
-/// Which stops carried load at the start of a step of length h, and their gaps there.
-void RecordStops(Bodies& bodies, const StageAtHand& stage, double h, double impact_speed,
+/// Which stops carried load at the start of a step, and their gaps there.
+void RecordStops(Bodies& bodies, const StageAtHand& stage, double impact_speed,
                  std::vector<StopHistory>& stops);
 
 /// Forces that change sides within a step (force_limits.cpp, slack.cpp): those that mechanisms now leave to

@@ -1,6 +1,7 @@
 #include "impact.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace fork1s {
 namespace {
@@ -11,9 +12,11 @@ StepSubject StopOf(const StopApproach& stop) { return {StepSubject::Kind::kStop,
 }  // namespace
 
 // What closes a gap by less than material.depth in a step is no impact: contacts that last press in by up to
-// that, by how much depends on the step.
+// that, by how much depends on the step. In a short step that would be any speed: what is faster than what falls
+// through that depth is an impact however short the step is.
 void Approaches::SetSpeeds(const StepOptions& step) {
-  impact_speed = step.material.depth / step.h;
+  const double depth = step.material.depth, fall = std::sqrt(2 * step.gravity.norm() * depth);
+  impact_speed = fall > 0 ? std::min(depth / step.h, fall) : depth / step.h;
   carried_speed = std::max(step.gravity.norm() * step.h / 8, impact_speed);
 }
 
@@ -42,15 +45,15 @@ StepSubject FindMetAtSpeed(const ImpactView& at, double h) {
   return {};
 }
 
-StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops, double b) {
+StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops) {
   for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
     const int before = at.history.match[i];
     if (before < 0 || !at.history.is_fresh[static_cast<std::size_t>(before)] ||
         at.rows.contacts[i].impulse(0) > 0)
       continue;
     const ContactPoint& p = at.detection.points[i];
-    if (b * RelativeSpeed(at.rows.contacts[i], at.rows.velocities)(0) >
-        kPartingShare * at.detection.shapes.PairSize(p))
+    if (RelativeSpeed(at.rows.contacts[i], at.rows.velocities)(0) >
+        kPartingRate * at.detection.shapes.PairSize(p))
       return ContactOf(p);
   }
   for (std::size_t i = 0; i < at.rows.mechanisms.size(); ++i) {
@@ -60,7 +63,7 @@ StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& st
         const LimitConstraint& limit = at.rows.limits[k];
         const StopApproach& stop = at.approaches.stops[k++];
         if (stops[i].is_fresh[static_cast<std::size_t>(which)] && !(limit.impulse > 0) &&
-            b * stop.scale * limit.sign * at.rows.velocities(limit.row) > kPartingShare * stop.size)
+            stop.scale * limit.sign * at.rows.velocities(limit.row) > kPartingRate * stop.size)
           return {StepSubject::Kind::kStop, static_cast<int>(i), which / 2};
       }
       k += part.frictions.size();

@@ -20,9 +20,9 @@ struct Approaches {
   double carried_speed = 0;         // m/s, below which a contact that bore a load in the last step goes on
 };
 
-/// Share of its size by which what the first stage stopped may part again in the second: the extrapolation
-/// between the stages would turn a speed v into 1.4 v the other way.
-inline constexpr double kPartingShare = 1e-6;
+/// Sizes a second at which what the first stage stopped may part again in the second: the extrapolation between
+/// the stages would turn a speed v into 1.4 v the other way. A speed, since it lasts however short the step is.
+inline constexpr double kPartingRate = 2e-4;
 
 /// What a step of length h, or a stage of it, knows when it looks for impacts.
 struct ImpactView {
@@ -40,8 +40,8 @@ StepSubject FindClosingAtSpeed(const ImpactView& at, double h);
 /// The same of what the step has brought together, and of stops of joints and tendons: at that speed from the
 /// start, or from so far that it took that speed.
 StepSubject FindMetAtSpeed(const ImpactView& at, double h);
-/// What the first stage stopped and parts again in the second, of length b.
-StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops, double b);
+/// What the first stage stopped and parts again in the second.
+StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops);
 /// A stop, or with `contacts`, whose gaps are those of base points, a contact, that carried no load at the
 /// start of the step and that the base point of the second stage lies beyond. From there a stage may go on
 /// without a force: what overlaps is pushed apart at a bounded speed only.

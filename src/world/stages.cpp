@@ -38,7 +38,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     sums_.Clear(bodies_.mechanisms.size());
   }
   halving_.levels[static_cast<std::size_t>(halving_.depth)].sums = sums_;
-  RecordStops(bodies_, stage_, h, approaches_.impact_speed, stops_);
+  RecordStops(bodies_, stage_, approaches_.impact_speed, stops_);
   history_.StartStep();
   // Of backward Euler those of the last step, which were found where it ended.
   if (halving_.depth == 0 && stage_.is_backward_euler) start_points_ = detection_.points;
@@ -227,7 +227,7 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
   const auto none = [&] { return report.halving_of.kind == StepSubject::Kind::kNone; };
   if (scheme == StageScheme::kSecondOfTwo) {
     if (none()) report.halving_of = FindBeyondAtBasePoint(at, options.h, stage_.rows_from_start);
-    if (none()) report.halving_of = FindParting(at, stops_, kStageShare * options.h);
+    if (none()) report.halving_of = FindParting(at, stops_);
   }
   return none() ? HalvingCause::kNone : HalvingCause::kImpact;
 }
@@ -260,7 +260,7 @@ void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report)
   for (std::size_t i = 0; i < detection_.points.size(); ++i)
     history_.is_fresh[i] =
         rows_.contacts[i].impulse(0) > 0 &&
-        !history_.CarriedAtRest(i, kPartingShare * detection_.shapes.PairSize(detection_.points[i]) / b);
+        !history_.CarriedAtRest(i, kPartingRate * detection_.shapes.PairSize(detection_.points[i]));
   RecordContacts(b);
   for (StopHistory& stops : stops_)
     for (std::size_t at = 0; at < stops.impulses.size(); ++at) {

@@ -142,6 +142,50 @@ TEST(TwoStageContact, ASlowStopIsNotThrownBack) {
   }
 }
 
+// What is met at speed leaves none of it, however short the step: a rebound that a stage or part leaves would
+// last. A ball on its floor keeps what it was pressed in by, which is pushed out at a fifth of that a step.
+TEST(TwoStageContact, AnImpactStopsHoweverShortTheStep) {
+  constexpr double kRadius = 0.05;
+  const Vector3 weight(0, 0, -9.81);
+  for (const double drop : {1e-3, 0.01, 0.05})
+    for (const int parts : {1, 4, 16, 64, 256, 1024, 4096}) {
+      const double h = 1.0 / 60 / parts, fall = std::sqrt(2 * drop / 9.81), speed = fall * 9.81;
+      for (int k = 0; k < 5; ++k) {
+        SCOPED_TRACE(::testing::Message() << drop << " m, " << parts << " parts, phase " << k);
+        // From half a step to four before it is met.
+        const double before = h * (0.5 + 0.7 * k), gap = speed * before;
+        MechanismBuilder builder("slider");
+        BodyDef cart;
+        cart.name = "cart";
+        cart.parent = builder.base();
+        cart.inertia = testing::Ball(1, 0.1);
+        const BodyIndex b = builder.AddBody(cart);
+        JointDef slide = JointDef::Slide("slide", b, Vector3::UnitZ());
+        slide.freedoms[0].lower = -gap;
+        slide.freedoms[0].upper = 1;
+        builder.AddJoint(slide);
+        builder.SetInterfaces({"cart"});
+        World stopped = MustStart(builder.definition(), VectorX::Zero(1), VectorX::Constant(1, -speed));
+        const Vector3 start(0, 0, kRadius + gap);
+        Scene scene;
+        scene.world.push_back(testing::Geometry("floor", Plane{}, 0));
+        scene.free_bodies.push_back(testing::BallBody("ball", 0.5, kRadius, start, 0));
+        World landed = MustCreate(scene);
+        landed.free_bodies()[0].SetState(RigidTransform(start), Vector3::Zero(), Vector3(0, 0, -speed));
+        double up_stop = -1, up_floor = -1;
+        for (int i = 0; i < 30; ++i) {
+          ASSERT_TRUE(stopped.Step(TwoStage(h, weight)).finite);
+          ASSERT_TRUE(landed.Step(TwoStage(h, weight)).finite);
+          if (i < 6) continue;
+          up_stop = std::max(up_stop, stopped.mechanisms()[0].BodyVelocity(b)(5));
+          up_floor = std::max(up_floor, landed.free_bodies()[0].velocity_of_center().z());
+        }
+        EXPECT_LT(up_stop, 1e-9 * speed);
+        EXPECT_LT(up_floor, 0.01 * speed);
+      }
+    }
+}
+
 // A bob on a string, a limit of length between two points, that swings, or turns about it where nothing
 // weighs: the string bends the path and stays taut.
 TEST(TwoStageContact, ATautStringIsNoImpact) {
