@@ -51,6 +51,13 @@ class ErrorEstimate {
   /// Whether a shorter step was undone: nothing is known from there on.
   bool Failed() const;
 
+  /// A moment to come back to, with the simulations beside this one. It outlives the estimate.
+  struct Snapshot;
+  std::shared_ptr<const Snapshot> Save() const;
+  /// Goes back to it where the simulation followed does. Errors leave everything as it was: kUsage for a snapshot of
+  /// another scene, or of a simulation that left something else out.
+  Expected<void> Restore(const Snapshot& snapshot);
+
  private:
   struct Detail;
   explicit ErrorEstimate(std::unique_ptr<Detail> detail);
