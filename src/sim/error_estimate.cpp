@@ -91,6 +91,11 @@ Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation,
   const World& world = simulation.world();
   for (std::size_t i = 0; i < world.mechanisms().size(); ++i) {
     const MechanismDynamics& m = world.mechanisms()[i];
+    // The trunk of a walker; a driven base is where it is told to be.
+    const auto& interfaces = m.model().interfaces;
+    if (m.mechanism().base() == BaseKind::kFloating &&
+        std::find(interfaces.begin(), interfaces.end(), BodyIndex(0)) == interfaces.end())
+      v.bodies.push_back({m.mechanism().body(BodyIndex(0)).name, static_cast<int>(i), 0});
     for (const BodyIndex b : m.model().interfaces)
       v.bodies.push_back({m.mechanism().body(b).name, static_cast<int>(i), b.value()});
   }

@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "gripper.hpp"
+#include "mechanisms.hpp"
 
 namespace fork1s {
 namespace {
@@ -111,6 +113,51 @@ TEST(ErrorFigure, IsNotQuantifiedWhereAShorterStepIsUndone) {
   figure.Restore(simulation, before);
   StepBoth(simulation, figure, 5);
   EXPECT_TRUE(figure.largest().finite);
+}
+
+// A body in space that a sprung tail sways; the tail alone is an interface body.
+Simulation Swayed(double dt) {
+  MechanismBuilder builder("swayed", BaseKind::kFloating, testing::Brick(1, Vector3(0.1, 0.05, 0.03)));
+  BodyDef tail;
+  tail.name = "tail";
+  tail.parent = builder.base();
+  tail.X_PB = RigidTransform(Vector3(0.1, 0, 0));
+  tail.inertia = testing::Rod(0.5, 0.3);
+  builder.AddJoint(JointDef::Hinge("sway", builder.AddBody(tail), Vector3::UnitZ()).WithSpring(2, 0.01));
+  builder.SetInterfaces({"tail"});
+  Scene scene;
+  scene.gravity.setZero();
+  scene.mechanisms.push_back(builder.definition());
+  KeyframeDef bent;
+  bent.mechanisms.push_back({VectorX::Constant(1, 1), VectorX::Zero(1), {}, Vector6::Zero(), {}});
+  scene.keyframes.push_back(bent);
+  SimulationOptions options;
+  options.dt = dt;
+  options.initial_keyframe = 0;
+  auto simulation = Simulation::Create(scene, options);
+  if (!simulation) throw std::runtime_error(simulation.error().Text());
+  return std::move(*simulation);
+}
+
+TEST(ErrorFigure, HasTheFloatingBaseBesideTheInterfaceBodies) {
+  constexpr int kFrames = 30, kFiner = 16;
+  Simulation coarse = Swayed(1.0 / 60), fine = Swayed(1.0 / 60 / kFiner);
+  ErrorFigure figure;
+  double off = 0;  // m, the largest; the finer run is off by 1/256 of it
+  for (int i = 0; i < kFrames; ++i) {
+    figure.BeginStep(coarse);
+    figure.EndStep(coarse, coarse.Step());
+    for (int k = 0; k < kFiner; ++k) fine.Step();
+    off = std::max(off, (coarse.BasePose(0).translation() - fine.BasePose(0).translation()).norm());
+  }
+  ASSERT_EQ(figure.bodies().size(), 2u);
+  const ErrorFigure::Body& trunk = figure.bodies()[0];
+  EXPECT_EQ(trunk.name, coarse.given_mechanism(0).body(BodyIndex(0)).name);
+  EXPECT_GT(trunk.motion, 0.01);
+  EXPECT_GT(off, 1e-6);
+  // Between half and three times the error, as of all bodies (tests/lab/error_estimate_test.cpp).
+  EXPECT_GT(trunk.total, 0.5 * off);
+  EXPECT_LT(trunk.total, 3 * off);
 }
 
 }  // namespace

@@ -151,7 +151,7 @@ void BindErrorEstimate(nb::module_& m) {
             for (const Body& b : r.bodies) out[nb::cast(b.name)] = nb::cast(b);
             return out;
           },
-          "Name -> BodyErrorEstimate, of interface bodies and free bodies; empty before the first step.",
+          "Name -> BodyErrorEstimate, of interface bodies, floating bases and free bodies; empty before the first step.",
           nb::sig("def bodies(self) -> dict[str, BodyErrorEstimate]"))
       .def_prop_ro(
           "max", [](const ErrorFigureReport& r) { return r.largest.total; }, "m, the largest of all bodies.")

@@ -46,7 +46,7 @@ class ErrorEstimate {
   /// After every Simulation::Step of the same simulation. A step that was undone is not followed.
   void Follow(const Simulation& simulation, const StepReport& report);
 
-  /// Interface bodies of all mechanisms, then free bodies, at the present pose.
+  /// Of each mechanism its base, where that moves freely, and interface bodies; then free bodies. At the present pose.
   const std::vector<BodyError>& bodies() const;
   /// Whether a shorter step was undone: nothing is known from there on.
   bool Failed() const;
