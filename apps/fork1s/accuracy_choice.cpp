@@ -21,7 +21,7 @@ constexpr double kDegreesARadian = 180 / std::numbers::pi;
 // What the largest part asks for; false where nothing is left to try.
 bool Improve(const AccuracyTrial& trial, double first_dt, bool may_change_integrator, AccuracySetting& next) {
   next = trial.setting;
-  const ErrorWatch::Largest& e = trial.error;
+  const internal::ErrorFigure::Largest& e = trial.error;
   if (trial.finite && e.interior > e.time && trial.leaves_something) {
     next.modes = std::max(4, 2 * trial.modes_kept);
     return true;

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "error_watch.hpp"
+#include "output.hpp"
+#include "sim/error_figure.hpp"
 
 namespace fork1s::app {
 
@@ -22,7 +23,7 @@ struct AccuracySetting {
 /// A run with one setting.
 struct AccuracyTrial {
   AccuracySetting setting;
-  ErrorWatch::Largest error;
+  internal::ErrorFigure::Largest error;
   int modes_kept = 0;             // the most of any mechanism
   bool leaves_something = false;  // more modes would change something
   bool exact = true;              // recovery

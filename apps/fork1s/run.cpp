@@ -77,20 +77,20 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
     trial.modes_kept = std::max(trial.modes_kept, m.model().num_modes);
     trial.leaves_something |= m.model().has_complement;
   }
-  ErrorWatch watch;
+  internal::ErrorFigure figure;
   ProgressBar bar("trying");
   for (std::int64_t i = 0; i < *steps && trial.finite; ++i) {
     const double end = static_cast<double>(i + 1) * simulation->dt();
     inputs.controls.Apply(end, *simulation);
     ApplyPushes(inputs, end, *simulation);
-    watch.Begin(*simulation);
+    figure.BeginStep(*simulation);
     const StepReport report = simulation->Step();
     trial.finite = report.finite;
     trial.touches |= report.contacts > 0;
-    if (trial.finite) watch.End(*simulation, report);
+    if (trial.finite) figure.EndStep(*simulation, report);
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
   }
-  trial.error = watch.largest();
+  trial.error = figure.largest();
   std::vector<RigidTransform> poses;
   simulation->Poses(poses);
   for (std::size_t i = 0; i < poses.size(); ++i)

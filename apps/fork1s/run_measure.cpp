@@ -20,7 +20,7 @@ void Switch(const FidelityTrack& track, std::size_t& next, Simulation& simulatio
     if (auto set = simulation.SetFidelity(done.fidelity); !set)
       done.refused = set.error().Text();
     else if (out.error)
-      out.error->Forget();
+      out.error->BeginAnew("where the detail changed");
     done.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     out.switches.push_back(std::move(done));
   }
@@ -203,11 +203,11 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     const double end = static_cast<double>(i + 1) * simulation.dt();
     inputs.controls.Apply(end, simulation);
     const std::vector<AppliedWrench> applied = ApplyPushes(inputs, end, simulation);
-    if (out.error) out.error->Begin(simulation);
+    if (out.error) out.error->BeginStep(simulation);
     const auto start = std::chrono::steady_clock::now();
     const StepReport report = simulation.Step();
     const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
-    if (out.error) out.error->End(simulation, report);
+    if (out.error) out.error->EndStep(simulation, report);
     if (!report.finite) {
       out.failed_step = i;
       out.failed_unsolved = !report.stages_converged;

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "error_watch.hpp"
+#include "sim/error_figure.hpp"
 #include "sim/passing.hpp"
 
 namespace fork1s::app {
@@ -69,7 +69,7 @@ struct Measured {
     std::string refused;  // why not; empty: done
   };
   std::vector<Switch> switches;
-  std::optional<ErrorWatch> error;
+  std::optional<internal::ErrorFigure> error;
   std::vector<std::string> implausible;  // sentences of PlausibleWatch
   std::vector<Passing> passed;           // bodies that touch nothing, and went into something
   bool held = false;                     // contacts were frozen in some step

@@ -9,6 +9,7 @@
 
 #include "accuracy_choice.hpp"
 #include "base/percentile.hpp"
+#include "error_output.hpp"
 #include "print.hpp"
 #include "run_contacts.hpp"
 
@@ -101,7 +102,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   for (const Measured::Load& l : m.loads)
     out["load_factor"].push_back({{"time_s", l.time}, {"factor", l.load.factor}, {"body", l.load.body}});
   AddSensors(simulation, out);
-  if (m.error) m.error->AddTo(out);
+  if (m.error) AddErrorFigure(*m.error, out);
   out["step_us"] = {{"median", percentile(0.5)}, {"p99", percentile(0.99)}};
   out["detail"] = Json::array();
   for (const Measured::Switch& s : m.switches)
@@ -315,7 +316,7 @@ void PrintSummary(const Json& d) {
     PrintText("  frozen contacts use {:.2f} of their friction at most\n", number("hold_use_max"));
   PrintLoadFactor(d);
   if (d.contains("accuracy")) PrintAccuracy(d["accuracy"]);
-  if (d.contains("error_estimate_mm")) PrintErrorEstimate(d);
+  if (d.contains("error_estimate_mm")) PrintErrorFigure(d);
   PrintContacts(d["contacts"]);
   PrintBases(d["bases"]);
   for (const char* kind : {"interface", "free_bodies"})

@@ -47,13 +47,21 @@ Vector3 Place(const World& world, const BodyError& body) {
 struct ErrorEstimate::Detail {
   ErrorEstimateOptions options;
   std::optional<Simulation> finer, whole_model;  // by shorter steps; that with all modes too
-  std::vector<BodyError> bodies;
-  std::vector<Vector3> start;
   struct Seen {
     double total, interior, time;
   };
-  std::vector<std::deque<Seen>> window;
-  bool failed = false;
+  struct Values {
+    std::vector<BodyError> bodies;
+    std::vector<Vector3> start;
+    std::vector<std::deque<Seen>> window;
+    bool failed = false;
+  } values;
+};
+
+struct ErrorEstimate::Snapshot {
+  Simulation::Snapshot finer;
+  std::optional<Simulation::Snapshot> whole_model;
+  Detail::Values values;
 };
 
 ErrorEstimate::ErrorEstimate(std::unique_ptr<Detail> detail) : detail_(std::move(detail)) {}
@@ -61,8 +69,8 @@ ErrorEstimate::~ErrorEstimate() = default;
 ErrorEstimate::ErrorEstimate(ErrorEstimate&&) noexcept = default;
 ErrorEstimate& ErrorEstimate::operator=(ErrorEstimate&&) noexcept = default;
 
-const std::vector<BodyError>& ErrorEstimate::bodies() const { return detail_->bodies; }
-bool ErrorEstimate::Failed() const { return detail_->failed; }
+const std::vector<BodyError>& ErrorEstimate::bodies() const { return detail_->values.bodies; }
+bool ErrorEstimate::Failed() const { return detail_->values.failed; }
 
 Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation,
                                               const ErrorEstimateOptions& options) {
@@ -79,42 +87,74 @@ Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation,
     if (auto set = whole->SetFidelity(all, simulation.holds()); !set) return tl::unexpected(set.error());
     d.whole_model.emplace(std::move(*whole));
   }
+  Detail::Values& v = d.values;
   const World& world = simulation.world();
   for (std::size_t i = 0; i < world.mechanisms().size(); ++i) {
     const MechanismDynamics& m = world.mechanisms()[i];
+    // The trunk of a walker; a driven base is where it is told to be.
+    const auto& interfaces = m.model().interfaces;
+    if (m.mechanism().base() == BaseKind::kFloating &&
+        std::find(interfaces.begin(), interfaces.end(), BodyIndex(0)) == interfaces.end())
+      v.bodies.push_back({m.mechanism().body(BodyIndex(0)).name, static_cast<int>(i), 0});
     for (const BodyIndex b : m.model().interfaces)
-      d.bodies.push_back({m.mechanism().body(b).name, static_cast<int>(i), b.value()});
+      v.bodies.push_back({m.mechanism().body(b).name, static_cast<int>(i), b.value()});
   }
   for (std::size_t i = 0; i < world.free_bodies().size(); ++i)
-    d.bodies.push_back({world.free_bodies()[i].name(), -1, static_cast<int>(i)});
-  d.window.resize(d.bodies.size());
-  for (const BodyError& b : d.bodies) d.start.push_back(Place(world, b));
+    v.bodies.push_back({world.free_bodies()[i].name(), -1, static_cast<int>(i)});
+  v.window.resize(v.bodies.size());
+  for (const BodyError& b : v.bodies) v.start.push_back(Place(world, b));
   return ErrorEstimate(std::move(detail));
+}
+
+std::shared_ptr<const ErrorEstimate::Snapshot> ErrorEstimate::Save() const {
+  auto snapshot = std::make_shared<Snapshot>();
+  snapshot->finer = detail_->finer->Save();
+  if (detail_->whole_model) snapshot->whole_model = detail_->whole_model->Save();
+  snapshot->values = detail_->values;
+  return snapshot;
+}
+
+Expected<void> ErrorEstimate::Restore(const Snapshot& snapshot) {
+  Detail& d = *detail_;
+  if (d.whole_model.has_value() != snapshot.whole_model.has_value())
+    return Fail(ErrorCode::kUsage, "error estimate",
+                "the moment is of a simulation that left something else out; make an estimate of that one");
+  const Simulation::Snapshot before = d.finer->Save();
+  if (auto restored = d.finer->Restore(snapshot.finer); !restored) return restored;
+  if (d.whole_model)
+    if (auto restored = d.whole_model->Restore(*snapshot.whole_model); !restored) {
+      // What it was a moment ago it can be.
+      FORK1S_REQUIRE(d.finer->Restore(before).has_value());
+      return restored;
+    }
+  d.values = snapshot.values;
+  return {};
 }
 
 void ErrorEstimate::Follow(const Simulation& simulation, const StepReport& report) {
   Detail& d = *detail_;
+  Detail::Values& v = d.values;
   if (!report.finite) return;
   const WorldState& began = simulation.world().StartOfLastStep();
   const StepOptions& options = simulation.step_options();
   for (auto* other : {&d.finer, &d.whole_model})
-    if (*other && !d.failed) d.failed = !(*other)->world().StepInParts(began, options, kParts).finite;
+    if (*other && !v.failed) v.failed = !(*other)->world().StepInParts(began, options, kParts).finite;
   // What a step of order p errs by is n^p/(n^p - 1) of what steps of 1/n of it change.
   const double power = options.integrator == Integrator::kEuler ? kParts : kParts * kParts;
   const double whole = power / (power - 1);
   const auto length = static_cast<std::size_t>(std::max(1.0, std::round(d.options.window / simulation.dt())));
-  for (std::size_t i = 0; i < d.bodies.size(); ++i) {
-    BodyError& b = d.bodies[i];
+  for (std::size_t i = 0; i < v.bodies.size(); ++i) {
+    BodyError& b = v.bodies[i];
     const Vector3 place = Place(simulation.world(), b);
-    b.motion = std::max(b.motion, (place - d.start[i]).norm());
-    if (d.failed) {
+    b.motion = std::max(b.motion, (place - v.start[i]).norm());
+    if (v.failed) {
       b.shown = b.shown_interior = b.shown_time = std::numeric_limits<double>::infinity();
       continue;
     }
     const Vector3 finer = Place(d.finer->world(), b);
     b.time = whole * (finer - place);
     if (d.whole_model) b.interior = Place(d.whole_model->world(), b) - finer;
-    auto& window = d.window[i];
+    auto& window = v.window[i];
     window.push_back({(b.interior + b.time).norm(), b.interior.norm(), b.time.norm()});
     if (window.size() > length) window.pop_front();
     b.shown = b.shown_interior = b.shown_time = 0;

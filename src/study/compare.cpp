@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "runs.hpp"
+#include "sim/floating_base.hpp"
 #include "sim/interface_names.hpp"
 
 namespace fork1s {
@@ -60,11 +61,13 @@ double LargestGap(const Run& run) {
   return gap;
 }
 
-void CompareForces(const Run& a, const Run& b, Comparison& out) {
+void CompareForces(const std::vector<TrackedBody>& tracked, const Run& a, const Run& b, Comparison& out) {
   double difference = 0, size = 0;
   int count = 0;
   for (std::size_t i = 1; i < std::min(a.samples.size(), b.samples.size()); ++i)
-    for (std::size_t k = 0; k < a.samples[i].force.size(); ++k, ++count) {
+    for (std::size_t k = 0; k < a.samples[i].force.size(); ++k) {
+      if (tracked[k].base_of >= 0) continue;  // it touches nothing
+      ++count;
       const double d = (a.samples[i].force[k] - b.samples[i].force[k]).norm();
       difference += d * d;
       size += b.samples[i].force[k].squaredNorm();
@@ -115,10 +118,10 @@ void Summarise(const std::vector<TrackedBody>& tracked, const std::vector<Run>& 
   const Run& base = reduced.front();
   for (std::size_t k = 0; k < tracked.size(); ++k) {
     const Distance d = Between(base, base_other, k, k + 1);
-    (tracked[k].is_interface ? out.interface : out.free_bodies)
+    (tracked[k].is_interface || tracked[k].base_of >= 0 ? out.interface : out.free_bodies)
         .push_back({tracked[k].name, d.rms_mm, d.max_mm, d.rms_deg, d.max_deg});
   }
-  CompareForces(base, base_other, out);
+  CompareForces(tracked, base, base_other, out);
   out.gap_max_mm = 1e3 * LargestGap(base);
   out.gap_max_other_mm = 1e3 * LargestGap(base_other);
   out.energy_reduced = Drift(base);
@@ -251,7 +254,11 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   std::vector<TrackedBody> tracked;
   for (std::size_t i = 0; i < probe->bodies().size(); ++i) {
     const SceneBody& b = probe->bodies()[i];
-    if (b.is_interface || b.mechanism < 0) tracked.push_back({b.name, static_cast<int>(i), b.is_interface});
+    const int index = static_cast<int>(i);
+    if (b.is_interface || b.mechanism < 0)
+      tracked.push_back({b.name, index, b.is_interface});
+    else if (internal::IsFloatingBase(*probe, b))
+      tracked.push_back({b.name, index, false, b.given});
   }
   Comparison out;
   out.scene = scene.name;

@@ -186,6 +186,17 @@ void Stiffen(mjModel* m, double factor) {
   }
 }
 
+// The root of the tree that an interface body of this mechanism is in, where the file gives it no name; -1: it does.
+int FindUnnamedBase(const mjModel* m, const Simulation& guide, int mechanism) {
+  for (const SceneBody& b : guide.bodies()) {
+    const int at = b.given == mechanism && b.is_interface ? mj_name2id(m, mjOBJ_BODY, b.name.c_str()) : -1;
+    if (at < 0) continue;
+    const int root = m->body_rootid[at];
+    if (m->names[m->name_bodyadr[root]] == '\0') return root;
+  }
+  return -1;
+}
+
 Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::vector<TrackedBody>& tracked,
                        double timestep, const RunOptions& options) {
   char message[1000] = "";
@@ -239,6 +250,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   std::vector<int> id;
   for (const TrackedBody& b : tracked) {
     id.push_back(mj_name2id(m, mjOBJ_BODY, b.name.c_str()));
+    if (id.back() < 0 && b.base_of >= 0) id.back() = FindUnnamedBase(m, *guide, b.base_of);
     if (id.back() < 0)
       return Fail(ErrorCode::kUsage, path,
                   fmt::format("MuJoCo knows no body '{}'; give the bodies names to compare them", b.name));

@@ -18,6 +18,7 @@ struct TrackedBody {
   std::string name;
   int index = 0;
   bool is_interface = false;
+  int base_of = -1;  // mechanism whose floating base this is, where that is no interface body
 };
 
 struct Sample {

@@ -75,6 +75,55 @@ TEST(ErrorEstimate, KnowsWhatComesDownElsewhere) {
   EXPECT_NEAR(at[1].get<double>(), 0.0395, 1e-3);
 }
 
+// A body in space that a sprung tail sways; the tail alone is an interface body.
+std::string Swayed(const std::string& base_name) {
+  return fmt::format(R"(<mujoco model="swayed"><option gravity="0 0 0"/><custom>
+    <text name="fork1s_interface" data="tail"/></custom><worldbody>
+    <body {}><freejoint/><geom type="box" size="0.1 0.05 0.03" mass="1"/>
+      <body name="tail" pos="0.1 0 0"><joint name="sway" type="hinge" axis="0 0 1" stiffness="2" damping="0.01"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" mass="0.5"/></body></body></worldbody>
+    <keyframe><key name="bent" qpos="0 0 0 1 0 0 0 1"/></keyframe></mujoco>)",
+                     base_name);
+}
+
+TEST(ErrorEstimate, HasTheFloatingBaseBesideItsInterfaceBodies) {
+  const std::string model = Write("swayed.xml", Swayed(R"(name="trunk")"));
+  const auto run = [&](const char* dt) {
+    return Fork1s(fmt::format("run --json --error --keyframe bent --time 0.5 --dt {} {}", dt, model)).Json();
+  };
+  const auto coarse = run("0.016666666666666666"), fine = run("0.0010416666666666667");
+  ASSERT_TRUE(coarse["error_estimate_mm"].contains("trunk")) << coarse["error_estimate_mm"].dump();
+  const auto trunk = coarse["error_estimate_mm"]["trunk"];
+  double off = 0;  // mm; that by steps of 1/960 s is off by 1/256 of it
+  for (int axis = 0; axis < 3; ++axis)
+    off = std::hypot(off, 1e3 * (coarse["bases"][0]["position_m"][axis].get<double>() -
+                                 fine["bases"][0]["position_m"][axis].get<double>()));
+  EXPECT_GT(off, 1e-3);
+  // Within half and three times, as everywhere; `max` is of the whole run.
+  EXPECT_GT(trunk["last"].get<double>(), 0.5 * off);
+  EXPECT_GT(trunk["motion"].get<double>(), 5);
+  EXPECT_LT(fine["error_estimate_mm"]["trunk"]["max"].get<double>(), 0.02 * trunk["max"].get<double>());
+}
+
+TEST(Compare, HasTheFloatingBaseBesideItsInterfaceBodies) {
+  for (const char* name : {R"(name="trunk")", ""}) {
+    const std::string model = Write("swayed_compared.xml", Swayed(name));
+    for (const char* against : {"full", "mujoco"}) {
+      const Outcome o = Fork1s(fmt::format(
+          "compare --json --keyframe bent --time 0.3 --dt 0.004 --against {} {}", against, model));
+      ASSERT_EQ(o.code, 0) << o.err;
+      const auto bodies = o.Json()["interface"];
+      ASSERT_EQ(bodies.size(), 2u) << bodies.dump();
+      const auto& base = bodies[0]["body"] == "tail" ? bodies[1] : bodies[0];
+      EXPECT_EQ(base["body"].get<std::string>(), *name == '\0' ? "body1" : "trunk");
+      // The base sways by 10 mm. Simulators of the same equations differ by their steps alone, that of MuJoCo of first
+      // order.
+      EXPECT_LT(base["max_mm"].get<double>(), against == std::string("full") ? 0.1 : 2);
+      EXPECT_LT(base["max_deg"].get<double>(), 2) << against;
+    }
+  }
+}
+
 TEST(Passing, IsToldOfBodiesThatAreNoInterface) {
   const std::string model = Write("arm_plank.xml", Arm("upper", -0.2));
   const auto json = Fork1s("run --json --time 1 " + model).Json();

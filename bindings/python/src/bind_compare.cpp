@@ -152,7 +152,8 @@ void BindCompare(nb::module_& m) {
           "force_other", [](const ComparedTrace& t) { return Path(t.force_other_N); }, kOwn, "(t, 3) N");
   nb::class_<Comparison>(m, "Comparison", "Answer of `fork1s.compare`; docs/compare.md explains the figures.")
       .def_ro("against", &Comparison::other, "'full' or 'mujoco'.")
-      .def_prop_ro("bodies", Differences, "Name -> BodyDifference, of interface bodies and free bodies.")
+      .def_prop_ro("bodies", Differences,
+                   "Name -> BodyDifference, of interface bodies, floating bases and free bodies.")
       .def_prop_ro(
           "integrators", [](const Comparison& c) { return IntegratorsText(c); },
           "By what the runs were stepped, as in 'reduced by two-stage, full by two-stages'.")

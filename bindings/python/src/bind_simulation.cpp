@@ -47,13 +47,8 @@ void StartFromControls(Runner& runner) {
 void SetDetail(Runner& runner, const std::optional<std::string>& level, const std::optional<Whole>& modes,
                const std::optional<std::string>& recovery) {
   const std::optional<int> kept = modes ? std::optional(modes->Within("modes", 0)) : std::nullopt;
-  runner.With([&](Simulation& s) {
-    Fidelity fidelity = s.fidelity();
-    if (level) fidelity.level = ReadDetail(*level);
-    if (kept) fidelity.modes = *kept;
-    if (recovery) fidelity.recovery = ReadRecovery(*recovery);
-    Take(s.SetFidelity(fidelity), runner.model()->origin());
-  });
+  runner.SetDetail(level ? std::optional(ReadDetail(*level)) : std::nullopt, kept,
+                   recovery ? std::optional(ReadRecovery(*recovery)) : std::nullopt);
 }
 
 void BindStepReport(nb::module_& m) {
@@ -120,10 +115,83 @@ void BindStepReport(nb::module_& m) {
       });
 }
 
+ErrorFigureReport ErrorEstimateOf(Runner& runner) {
+  auto figure = runner.ErrorFigureSoFar();
+  if (!figure)
+    throw Refused{{ErrorCode::kUsage, "error_estimate",
+                   "is known where the simulation estimates it; make it by Simulation(model, error=True)"}};
+  return std::move(*figure);
+}
+
+void BindErrorEstimate(nb::module_& m) {
+  using Body = fork1s::internal::ErrorFigure::Body;
+  nb::class_<Body>(
+      m, "BodyErrorEstimate",
+      "How far a body's origin is estimated to be from the truth, in m. Infinite where a shorter step could "
+      "not be solved.")
+      .def_ro("max", &Body::total, "m, the largest of all steps.")
+      .def_ro("last", &Body::last, "m, the largest of the last quarter of a second: errors swing.")
+      .def_ro("time_step_max", &Body::time, "m, what the time step alone leaves at most; a smaller dt helps.")
+      .def_ro("interior_max", &Body::interior,
+              "m, what the reduction and recovery alone leave at most; more modes help.")
+      .def_ro("motion", &Body::motion, "m, its largest distance from the start.")
+      .def("__repr__", [](const Body& b) {
+        return "<fork1s.BodyErrorEstimate max=" + std::to_string(1e3 * b.total) + " mm of " +
+               std::to_string(1e3 * b.motion) + " mm>";
+      });
+  nb::class_<ErrorFigureReport>(
+      m, "ErrorEstimate",
+      "How far a simulation is estimated to be from the truth: `Simulation.error_estimate`. The truth is the whole model "
+      "with steps that are short enough; docs/error_figure.md says when not to believe it. Figures are those of "
+      "the moment at which it was asked for.")
+      .def_prop_ro(
+          "bodies",
+          [](const ErrorFigureReport& r) {
+            nb::dict out;
+            for (const Body& b : r.bodies) out[nb::cast(b.name)] = nb::cast(b);
+            return out;
+          },
+          "Name -> BodyErrorEstimate, of interface bodies, floating bases and free bodies; empty before the first step.",
+          nb::sig("def bodies(self) -> dict[str, BodyErrorEstimate]"))
+      .def_prop_ro(
+          "max", [](const ErrorFigureReport& r) { return r.largest.total; }, "m, the largest of all bodies.")
+      .def_prop_ro(
+          "time_step_max", [](const ErrorFigureReport& r) { return r.largest.time; },
+          "m, the part of the time step: the largest of all bodies.")
+      .def_prop_ro(
+          "interior_max", [](const ErrorFigureReport& r) { return r.largest.interior; },
+          "m, the part of what is left out: the largest of all bodies.")
+      .def_prop_ro(
+          "motion", [](const ErrorFigureReport& r) { return r.largest.motion; },
+          "m, the largest distance of a body from its start.")
+      .def_prop_ro(
+          "percent",
+          [](const ErrorFigureReport& r) {
+            return r.largest.finite && r.largest.motion > 0
+                       ? std::optional(100 * r.largest.total / r.largest.motion)
+                       : std::nullopt;
+          },
+          "`max` in percent of `motion`; None where nothing moved or it is not quantified.")
+      .def_prop_ro(
+          "quantified", [](const ErrorFigureReport& r) { return r.largest.finite; },
+          "False: there is no estimate from some step on; `warnings` says why.")
+      .def_prop_ro(
+          "within_range", [](const ErrorFigureReport& r) { return r.largest.IsWithinRange(); },
+          "False: the figures mean no more than that the error is above 10 % of the motion, or are not quantified.")
+      .def_ro("warnings", &ErrorFigureReport::warnings,
+              "Sentences where the figures mean nothing, or less than they say.")
+      .def("__repr__", [](const ErrorFigureReport& r) {
+        return r.largest.finite ? "<fork1s.ErrorEstimate max=" + std::to_string(1e3 * r.largest.total) +
+                                      " mm of " + std::to_string(1e3 * r.largest.motion) + " mm>"
+                                : std::string("<fork1s.ErrorEstimate NOT QUANTIFIED>");
+      });
+}
+
 }  // namespace
 
 void BindSimulation(nb::module_& m) {
   BindStepReport(m);
+  BindErrorEstimate(m);
   BindSnapshot(m);
   auto simulation =
       nb::class_<Runner>(m, "Simulation", R"(A model in motion, stepped implicitly with contacts.
@@ -137,6 +205,7 @@ dt: time step in s (default: the model's, 1/60 s unless the file's format says o
 state of the file. recovery: 'exact', 'expanded', 'curved' or 'twist', how poses follow from reduced coordinates. detail: 'interface',
 'parents' or 'all', which bodies may touch. integrator: 'two-stage', of second order
 (default), or 'euler', backward Euler of first order. 'twist' draws poses by one exponential a body; steps are those of 'exact'.
+error: whether `error_estimate` tells how far off it is; steps then take five times as long, nine where the reduction leaves something out.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are
 those of the moment, and the caller's own. Several Python threads may use one simulation: all calls let other threads
@@ -148,14 +217,14 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "__init__",
               [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<Real>& dt,
                  const std::optional<std::string>& keyframe, const std::string& recovery,
-                 const std::string& detail, const std::optional<std::string>& integrator) {
+                 const std::string& detail, const std::optional<std::string>& integrator, bool error) {
                 const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
                 const ReleasedGil others_run;
-                new (self) Runner(model, options);
+                new (self) Runner(model, options, error);
               },
               nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
               nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
-              nb::arg("integrator") = nb::none())
+              nb::arg("integrator") = nb::none(), nb::arg("error") = false)
           .def(
               "step", StepMany, nb::arg("steps") = 1, nb::kw_only(), nb::arg("move") = false,
               "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
@@ -259,6 +328,11 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "potential_energy",
               [](Runner& r) { return r.With([](Simulation& s) { return s.PotentialEnergy(); }); },
               "J, of springs, servos and gravity.")
+          .def_prop_ro(
+              "error_estimate", ErrorEstimateOf,
+              "How far the steps so far are estimated to be from the truth (`ErrorEstimate`), as `fork1s run "
+              "--error` tells. `set_state` starts it afresh, `restore` goes back to that of the moment. Raises "
+              "UsageError where the simulation was made without error=True.")
           .def_prop_ro(
               "joint_gap", [](Runner& r) { return r.With([](Simulation& s) { return s.JointGap(); }); },
               "Largest opening of any joint or loop [m].")

@@ -56,10 +56,12 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& given) {
   return options;
 }
 
-Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options)
+Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error)
     : model_(std::move(model)),
       actuators_(model_->imported().actuators),
-      simulation_(Take(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {}
+      simulation_(Take(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {
+  if (estimates_error) error_.emplace();
+}
 
 StepsReport Runner::Step(int steps, bool move) {
   ReleasedGil others_run;
@@ -80,7 +82,9 @@ StepsReport Runner::Step(int steps, bool move) {
     for (const Push& p : pushes)
       wrenches.push_back({p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B});
     ApplyWrenches(wrenches, simulation_);
+    if (error_) error_->BeginStep(simulation_);
     const StepReport step = controls ? controls->Step(simulation_) : simulation_.Step();
+    if (error_) error_->EndStep(simulation_, step);
     report.Add(step, simulation_.world());
     if (recorder_) Take(recorder_->Append(simulation_, step, wrenches), recording_);
   }
@@ -97,6 +101,7 @@ void Runner::SetState(const KeyframeDef& state) {
   time_before_ += simulation_.time();
   simulation_ = std::move(next.simulation);
   sensors_.reset();
+  if (error_) error_.emplace();
   state_change_ = next.change;
 }
 
@@ -156,6 +161,26 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   simulation_ = std::move(next);
   actuators_ = std::move(actuators);
   sensors_.reset();
+  if (error_) error_->BeginAnew("where stiffnesses changed");
+}
+
+void Runner::SetDetail(std::optional<DetailLevel> level, std::optional<int> modes,
+                       std::optional<Recovery> recovery) {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  Fidelity fidelity = simulation_.fidelity();
+  if (level) fidelity.level = *level;
+  if (modes) fidelity.modes = *modes;
+  if (recovery) fidelity.recovery = *recovery;
+  Take(simulation_.SetFidelity(fidelity), model_->origin());
+  if (error_) error_->BeginAnew("where the detail changed");
+}
+
+std::optional<ErrorFigureReport> Runner::ErrorFigureSoFar() {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  if (!error_) return std::nullopt;
+  return ErrorFigureReport{error_->bodies(), error_->largest(), error_->Warnings()};
 }
 
 std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& direction, double reach) {
@@ -186,7 +211,11 @@ std::vector<std::pair<std::string, double>> JointStiffnesses(const Scene& scene)
 Runner::Snapshot Runner::Save() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
-  return {simulation_.Save(), time_before_, pushes_, simulation_.dt(), JointStiffnesses(simulation_.scene())};
+  Snapshot snapshot{
+      simulation_.Save(), time_before_, pushes_, simulation_.dt(), JointStiffnesses(simulation_.scene()),
+      std::nullopt};
+  if (error_) snapshot.error = error_->Save();
+  return snapshot;
 }
 
 void Runner::Restore(const Snapshot& snapshot) {
@@ -213,6 +242,11 @@ void Runner::Restore(const Snapshot& snapshot) {
   Take(simulation_.Restore(snapshot.simulation), model_->origin());
   time_before_ = snapshot.time_before;
   pushes_ = snapshot.pushes;
+  if (error_ && snapshot.error) {
+    error_->Restore(simulation_, *snapshot.error);
+  } else if (error_) {
+    error_->Reset("at a moment that was saved without it");
+  }
 }
 
 double Runner::Time() {

@@ -15,6 +15,7 @@
 #include "model.hpp"
 #include "released_gil.hpp"
 #include "sensor_values.hpp"
+#include "sim/error_figure.hpp"
 
 namespace fork1s::python {
 
@@ -50,6 +51,13 @@ struct StepsReport {
   void Add(const StepReport& step, const World& world);
 };
 
+/// The error figure of all steps so far.
+struct ErrorFigureReport {
+  std::vector<fork1s::internal::ErrorFigure::Body> bodies;
+  fork1s::internal::ErrorFigure::Largest largest;
+  std::vector<std::string> warnings;
+};
+
 /// A wrench on a point of a body through all steps of the next call.
 struct Push {
   int body = 0;
@@ -66,7 +74,8 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& options);
 /// steps.
 class Runner {
  public:
-  Runner(std::shared_ptr<const Model> model, const RunOptions& options);
+  /// estimates_error: simulations of shorter steps go beside this one, for ErrorFigureSoFar.
+  Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error = false);
   ~Runner() { DropRecordingOfParent(); }
 
   const std::shared_ptr<const Model>& model() const { return model_; }
@@ -88,6 +97,11 @@ class Runner {
   std::string FlushRecording();
   /// Goes on with other stiffnesses of joints. Throws as Model::SetStiffnesses.
   void SetStiffness(const std::map<std::string, double>& stiffness);
+  /// Goes on with more or less detail: values that are given. Throws Refused.
+  void SetDetail(std::optional<DetailLevel> level, std::optional<int> modes,
+                 std::optional<Recovery> recovery);
+  /// Of all steps since the beginning, or since SetState. None where errors are not estimated.
+  std::optional<ErrorFigureReport> ErrorFigureSoFar();
   /// The first body along a ray, world frame; none within `reach` [m].
   std::optional<BodyHit> Ray(const Vector3& origin, const Vector3& direction, double reach);
   /// At the present state.
@@ -104,6 +118,7 @@ class Runner {
     std::vector<Push> pushes;
     double dt = 0;                                          // s
     std::vector<std::pair<std::string, double>> stiffness;  // of every joint freedom, by its joint
+    std::optional<fork1s::internal::ErrorFigure::Snapshot> error;
   };
   Snapshot Save();
   /// Throws Refused where it is of another scene, dt or stiffness.
@@ -138,6 +153,7 @@ class Runner {
   /// What a recording has no word for is refused while one goes on.
   void RefuseWhileRecording(const char* what);
   std::vector<Push> pushes_;
+  std::optional<fork1s::internal::ErrorFigure> error_;
   double time_before_ = 0;   // s, of simulations that set_state replaced
   double state_change_ = 0;  // rad or m
 };

@@ -46,10 +46,17 @@ class ErrorEstimate {
   /// After every Simulation::Step of the same simulation. A step that was undone is not followed.
   void Follow(const Simulation& simulation, const StepReport& report);
 
-  /// Interface bodies of all mechanisms, then free bodies, at the present pose.
+  /// Of each mechanism its base, where that moves freely, and interface bodies; then free bodies. At the present pose.
   const std::vector<BodyError>& bodies() const;
   /// Whether a shorter step was undone: nothing is known from there on.
   bool Failed() const;
+
+  /// A moment to come back to, with the simulations beside this one. It outlives the estimate.
+  struct Snapshot;
+  std::shared_ptr<const Snapshot> Save() const;
+  /// Goes back to it where the simulation followed does. Errors leave everything as it was: kUsage for a snapshot of
+  /// another scene, or of a simulation that left something else out.
+  Expected<void> Restore(const Snapshot& snapshot);
 
  private:
   struct Detail;
