@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::size_t kMostTrials = 10;
 constexpr double kShortest = 1.0 / 64;  // of the first dt: below, another model is what is wanted
+constexpr double kLeastOrder = 0.5, kMostOrder = 2;
 constexpr double kDegreesARadian = 180 / std::numbers::pi;
 
 // What the largest part asks for; false where nothing is left to try.
@@ -49,12 +50,14 @@ std::optional<std::size_t> WholeStepOf(const std::vector<AccuracyTrial>& trials)
   return same && b.dt == a.dt / 2 ? std::optional(before) : std::nullopt;
 }
 
-double Apart(const AccuracyTrial& a, const AccuracyTrial& b) {
-  if (!b.finite) return std::numeric_limits<double>::infinity();
-  double most = 0;
-  for (std::size_t i = 0; i < std::min(a.ends.size(), b.ends.size()); ++i)
-    most = std::max(most, (a.ends[i] - b.ends[i]).norm());
-  return most;
+// Impacts are of first order in time, smooth motion of second, and what parts exponentially of none.
+void SetHalfStep(const AccuracyTrial& half, AccuracyTrial& trial) {
+  trial.apart = half.finite ? 0 : std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; half.finite && i < std::min(half.places.size(), trial.places.size()); ++i)
+    trial.apart = std::max(trial.apart, (half.places[i] - trial.places[i]).norm());
+  const double fell = trial.error.total / half.error.total;
+  trial.order = fell > 1 ? std::clamp(std::log2(fell), kLeastOrder, kMostOrder)
+                         : (half.error.total > 0 ? kLeastOrder : kMostOrder);
 }
 
 std::size_t Best(const std::vector<AccuracyTrial>& trials) {
@@ -65,6 +68,14 @@ std::size_t Best(const std::vector<AccuracyTrial>& trials) {
 }
 
 }  // namespace
+
+// The estimate is extrapolated from a quarter of the step, by the order of the integrator.
+double AccuracyTrial::off() const {
+  const auto told_by = [](double ratio, double by_order) { return 1 - std::pow(ratio, -by_order); };
+  const double of_smooth = setting.integrator == Integrator::kEuler ? 1 : 2,
+               by_order = std::min(order, of_smooth);
+  return std::max(error.total * told_by(4, of_smooth) / told_by(4, by_order), apart / told_by(2, by_order));
+}
 
 Expected<WantedAccuracy> ParseAccuracy(const std::string& text) {
   for (const auto& [unit, scale] : {std::pair<std::string, double>{"mm", 1e-3}, {"m", 1}, {"%", 0.01}}) {
@@ -90,22 +101,20 @@ Expected<AccuracyChoice> ChooseForAccuracy(
     choice.trials.push_back(std::move(*trial));
     const std::size_t now = choice.trials.size() - 1;
     if (const auto before = WholeStepOf(choice.trials); before && wanted.Met(choice.trials[*before])) {
-      choice.trials[*before].apart = Apart(choice.trials[*before], choice.trials[now]);
+      SetHalfStep(choice.trials[now], choice.trials[*before]);
       if (wanted.Met(choice.trials[*before])) {
         choice.chosen = *before;
         choice.met = true;
         return choice;
       }
     }
-    const bool good = wanted.Met(choice.trials[now]);
-    choice.met = good && !choice.trials[now].touches;
-    choice.chosen = choice.met ? now : Best(choice.trials);
-    if (choice.met || choice.trials.size() == kMostTrials) return choice;
-    if (good) {
+    choice.chosen = Best(choice.trials);
+    if (wanted.Met(choice.trials[now])) {  // if half the step bears it out
+      if (choice.trials.size() > kMostTrials) return choice;
       next = choice.trials[now].setting;
-      if (next.dt / 2 < kShortest * first.dt) return choice;
       next.dt /= 2;
-    } else if (!Improve(choice.trials[now], first.dt, may_change_integrator, next)) {
+    } else if (choice.trials.size() >= kMostTrials ||
+               !Improve(choice.trials[now], first.dt, may_change_integrator, next)) {
       return choice;
     }
   }
@@ -124,12 +133,17 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
     one["error_mm"] = t.finite ? Json(1e3 * t.error.total) : Json(nullptr);
     one["error_percent"] =
         t.finite && t.error.motion > 0 ? Json(100 * t.error.total / t.error.motion) : Json(nullptr);
-    if (t.apart > 0)
+    if (t.apart > 0) {
       one["from_half_the_step_mm"] = std::isfinite(t.apart) ? Json(1e3 * t.apart) : Json(nullptr);
+      one["order"] = t.order;
+    }
     trials.push_back(std::move(one));
   }
+  double wall = 0;
+  for (const AccuracyTrial& t : choice.trials) wall += t.wall;
   return Json{{"asked", asked},
               {"met", choice.met},
+              {"wall_s", wall},
               {"chosen", setting(choice.trials[choice.chosen])},
               {"trials", std::move(trials)}};
 }
@@ -137,21 +151,23 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
 void PrintAccuracy(const Json& a) {
   for (const Json& t : a["trials"]) {
     const Json apart = t.value("from_half_the_step_mm", Json(nullptr));
-    PrintText(
-        "  tried           dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees: {}{}\n",
-        1 / t["dt_s"].get<double>(), t["integrator"].get<std::string>(), t["modes"].get<int>(),
-        t["refresh_angle_deg"].get<double>(),
-        t["error_mm"].is_null()
-            ? std::string("blew up")
-            : fmt::format("{:.3g} mm, {:.2g} %", t["error_mm"].get<double>(),
-                          t["error_percent"].is_null() ? 0 : t["error_percent"].get<double>()),
-        apart.is_null() ? "" : fmt::format("; ends {:.3g} mm from half that step", apart.get<double>()));
+    PrintText("  tried           dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees: {}{}\n",
+              1 / t["dt_s"].get<double>(), t["integrator"].get<std::string>(), t["modes"].get<int>(),
+              t["refresh_angle_deg"].get<double>(),
+              t["error_mm"].is_null()
+                  ? std::string("blew up")
+                  : fmt::format("{:.3g} mm, {:.2g} %", t["error_mm"].get<double>(),
+                                t["error_percent"].is_null() ? 0 : t["error_percent"].get<double>()),
+              apart.is_null() ? ""
+                              : fmt::format("; {:.3g} mm from half that step, of order {:.2g}",
+                                            apart.get<double>(), t["order"].get<double>()));
   }
   const Json& c = a["chosen"];
-  PrintText("  accuracy        {} {}: dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees\n",
-            a["asked"].get<std::string>(), a["met"].get<bool>() ? "by" : "not met; best is",
-            1 / c["dt_s"].get<double>(), c["integrator"].get<std::string>(), c["modes"].get<int>(),
-            c["refresh_angle_deg"].get<double>());
+  PrintText(
+      "  accuracy        {} {}: dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees; {} runs, {:.2g} s\n",
+      a["asked"].get<std::string>(), a["met"].get<bool>() ? "by" : "not met; best is",
+      1 / c["dt_s"].get<double>(), c["integrator"].get<std::string>(), c["modes"].get<int>(),
+      c["refresh_angle_deg"].get<double>(), a["trials"].size(), a["wall_s"].get<double>());
 }
 
 }  // namespace fork1s::app

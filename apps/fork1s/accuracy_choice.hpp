@@ -1,7 +1,6 @@
 // `run --accuracy`: what dt, integrator, modes and refresh angle a wanted accuracy asks for.
 #pragma once
 
-#include <algorithm>
 #include <fork1s/world/world.hpp>
 #include <functional>
 #include <string>
@@ -28,10 +27,13 @@ struct AccuracyTrial {
   bool leaves_something = false;  // more modes would change something
   bool exact = true;              // recovery
   bool finite = true;
-  bool touches = false;       // anything
-  std::vector<Vector3> ends;  // m, of the bodies that the estimate is about
-  double apart = 0;           // m, between these ends and those of half the step, where that was asked
-  double off() const { return std::max(error.total, apart); }
+  /// m, of all bodies, at the whole steps of the first setting.
+  std::vector<Vector3> places;
+  /// m, the largest distance between these places and those by half the step, where that was asked, and the order by
+  /// which the estimate fell there, between 1/2 and 2.
+  double apart = 0, order = 2;
+  double wall = 0;     // s
+  double off() const;  // m, the estimate by that order
 };
 
 struct WantedAccuracy {
@@ -49,9 +51,9 @@ struct AccuracyChoice {
   std::size_t chosen = 0;  // of trials: the first that is good enough, else the best
   bool met = false;
 };
-/// Tries settings, from `first` on, each time changing what the largest part of the estimated error asks for. Where
-/// something touches, half the step must end as near: the estimate does not know of contacts that the truth makes or
-/// breaks at another time.
+/// Tries settings, from `first` on, each time changing what the largest part of the estimated error asks for. A setting
+/// is met where its estimate is within what is wanted and a run by half its step stays as near: where contacts, stops
+/// or ropes are met at other times, or motions part, an estimate by one run says little.
 /// `may_change_integrator`: the second-order step may take the place of implicit Euler.
 Expected<AccuracyChoice> ChooseForAccuracy(
     const WantedAccuracy& wanted, const AccuracySetting& first, bool may_change_integrator,

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
@@ -55,9 +56,17 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   return simulation;
 }
 
+void KeepPlaces(const Simulation& simulation, std::vector<Vector3>& places) {
+  std::vector<RigidTransform> poses;
+  simulation.Poses(poses);
+  for (const RigidTransform& X : poses) places.push_back(X.translation());
+}
+
 // The run with one setting, for its error alone.
+// `every` [s]: places are kept at its multiples.
 Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported, const RunInputs& inputs,
-                               const AccuracySetting& setting) {
+                               const AccuracySetting& setting, double every) {
+  const auto start = std::chrono::steady_clock::now();
   RunArguments with = args;
   with.dt = setting.dt;
   with.integrator = setting.integrator;
@@ -77,6 +86,7 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
     trial.modes_kept = std::max(trial.modes_kept, m.model().num_modes);
     trial.leaves_something |= m.model().has_complement;
   }
+  const auto steps_apart = std::max<std::int64_t>(1, std::llround(every / simulation->dt()));
   internal::ErrorFigure figure;
   ProgressBar bar("trying");
   for (std::int64_t i = 0; i < *steps && trial.finite; ++i) {
@@ -86,17 +96,13 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
     figure.BeginStep(*simulation);
     const StepReport report = simulation->Step();
     trial.finite = report.finite;
-    trial.touches |= report.contacts > 0;
     if (trial.finite) figure.EndStep(*simulation, report);
+    if ((i + 1) % steps_apart == 0) KeepPlaces(*simulation, trial.places);
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
   }
   trial.error = figure.largest();
-  std::vector<RigidTransform> poses;
-  simulation->Poses(poses);
-  for (std::size_t i = 0; i < poses.size(); ++i)
-    if (const SceneBody& b = simulation->bodies()[i]; b.is_interface || b.mechanism < 0)
-      trial.ends.push_back(poses[i].translation());
   trial.finite &= trial.error.finite;
+  trial.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return trial;
 }
 
@@ -118,7 +124,7 @@ int Run(const RunArguments& given) {
     if (!probe) return Report(probe.error(), json);
     const AccuracySetting first{probe->dt(), probe->step_options().integrator, -1, args.refresh_angle};
     auto made = ChooseForAccuracy(*wanted, first, !args.integrator, [&](const AccuracySetting& setting) {
-      return TryOut(args, *imported, *inputs, setting);
+      return TryOut(args, *imported, *inputs, setting, first.dt);
     });
     if (!made) return Report(made.error(), json);
     choice = std::move(*made);
