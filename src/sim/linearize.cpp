@@ -77,7 +77,7 @@ void Move(const Reference& from, const VectorX& p, const VectorX& v, const Vecto
     Configuration at(model);
     at.mu = state.mu;
     Configure(model, state.reduced, at);
-    const auto solve = [&](const VectorX& of_joints) {
+    const auto solve = [&](const VectorX& of_joints) -> VectorX {
       return SolveSquare(Rows(MatrixX(at.Q_now), from.joints), of_joints).col(0);
     };
     // Where loops bend, q follows z to second order.

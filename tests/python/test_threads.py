@@ -64,57 +64,100 @@ def test_threads_read_all_properties_of_a_simulation_that_steps():
     """)
 
 
+# Calls of each class with the arguments that they need; properties are read, all of them.
+CALLS = """
+import itertools
+ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name="tip" pos="0 0 .5">' \\
+    '<joint name="elbow" stiffness="5" damping=".1"/><geom size=".1" mass="1"/></body></body>' \\
+    '<geom type="plane" size="1 1 1"/></worldbody><actuator><motor name="motor" joint="elbow"/></actuator>' \\
+    '<sensor><jointpos name="angle" joint="elbow"/><touch name="touch" site="pad"/></sensor></mujoco>'
+ARM = ARM.replace('<joint name="elbow"', '<site name="pad" size=".1"/><joint name="elbow"')
+arm = fork1s.load(ARM)
+sim, batch = fork1s.Simulation(arm, error=True), fork1s.Batch(arm, 2, seeds=3)
+moment = sim.save()
+
+def or_refused(call):
+    def guarded():
+        try:
+            return call()
+        except fork1s.Error:
+            pass  # as while another thread records
+    return guarded
+
+def recorded(call):
+    sim.record(path)
+    try:
+        call()
+    finally:
+        sim.stop_recording()
+
+methods = {
+    fork1s.Simulation: dict(
+        hash=lambda: sim.hash(), holding_controls=or_refused(lambda: sim.holding_controls()),
+        jacobian=lambda: sim.jacobian('tip'), linearize=or_refused(lambda: sim.linearize()),
+        pose=lambda: sim.pose('tip'), push=lambda: sim.push('tip', [1, 0, 0]), ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
+        record=or_refused(lambda: recorded(lambda: sim.step(1))), replay=or_refused(lambda: sim.replay()),
+        restore=or_refused(lambda: sim.restore(moment)), save=lambda: sim.save(),
+        set_detail=or_refused(lambda: sim.set_detail('all')), set_state=or_refused(lambda: sim.set_state([.1])),
+        set_stiffness=or_refused(lambda: sim.set_stiffness({'elbow': 5})),
+        start_from_controls=or_refused(lambda: sim.start_from_controls()), step=lambda: sim.step(2),
+        stop_recording=or_refused(lambda: sim.stop_recording()),
+        # Beside those of the class.
+        move=lambda: sim.step(2, move=True), set_control=lambda: sim.controls.update({'motor': .1}),
+        read_controls=lambda: list(sim.controls.items()), set_qpos=or_refused(lambda: setattr(sim, 'qpos', [.1])),
+        set_qvel=or_refused(lambda: setattr(sim, 'qvel', [.1])), read_sensors=lambda: sim.sensors['angle'],
+        represent=lambda: repr(sim), buffers=lambda: fork1s.RecoveryBuffers(sim),
+    ),
+    fork1s.Batch: dict(
+        hashes=lambda: batch.hashes(), poses=lambda: batch.poses(), reset=lambda: batch.reset(),
+        step=lambda: batch.step(steps=2), usual_ranges=lambda: batch.usual_ranges, velocities=lambda: batch.velocities(),
+        move=lambda: batch.step([.1], steps=2, move=True), read_sensors=lambda: batch.sensors['angle'],
+        represent=lambda: repr(batch),
+    ),
+    fork1s.Model: dict(
+        compliance=lambda: arm.compliance(), fit_stiffness=or_refused(lambda: arm.fit_stiffness({'tip': [1] * 36})),
+        linear_model=or_refused(lambda: arm.linear_model()), point_stiffness=lambda: arm.point_stiffness('tip', [0, 0, 0]),
+        response=or_refused(lambda: arm.response('tip')), state_space=or_refused(lambda: arm.state_space()),
+        stiffness=lambda: arm.stiffness(), with_stiffness=lambda: arm.with_stiffness({'elbow': 5}),
+        load=lambda: fork1s.load(ARM), compare=lambda: fork1s.compare(arm, time=.02),
+        statics=or_refused(lambda: fork1s.statics(arm, 'tip', force=[0, 1, 0])),
+    ),
+}
+calls = {}
+for owner, those in ((sim, methods[fork1s.Simulation]), (batch, methods[fork1s.Batch]), (arm, methods[fork1s.Model])):
+    kind = type(owner)
+    for name in dir(kind):
+        if name.startswith('_'):
+            continue
+        if callable(getattr(kind, name)):
+            assert name in those, f'{kind.__name__}.{name} is called by no thread here'
+        else:
+            calls[kind, name] = or_refused(lambda owner=owner, name=name: getattr(owner, name))
+    calls.update({(kind, name): call for name, call in those.items()})
+"""
+
+
 def test_no_two_calls_wait_for_each_other(tmp_path):
-    assert "done" in run(f"""
-        import itertools
-        path = {str(tmp_path / "r.h5")!r}
-        ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name="tip" pos="0 0 .5">' \\
-            '<joint name="elbow" stiffness="5" damping=".1"/><geom size=".1" mass="1"/></body></body>' \\
-            '<geom type="plane" size="1 1 1"/></worldbody><actuator><motor name="motor" joint="elbow"/></actuator></mujoco>'
-        arm = fork1s.load(ARM)
-        sim, batch = fork1s.Simulation(arm), fork1s.Batch(arm, 2)
-        moment = sim.save()
-        def record():
-            try:
-                sim.record(path)
-                sim.stop_recording()
-            except fork1s.Error:
-                pass  # the other thread records
-        def unless_recorded(call):
-            def guarded():
-                try:
-                    call()
-                except fork1s.UsageError:
-                    pass
-            return guarded
-        calls = dict(
-            contacts=lambda: sim.contacts, poses=lambda: sim.poses, time=lambda: sim.time, save=lambda: sim.save(),
-            controls=lambda: list(sim.controls.items()), values=lambda: sim.control_values, hash=lambda: sim.hash(),
-            qpos=lambda: sim.qpos, repr=lambda: repr(sim), ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
-            step=lambda: sim.step(2), move=lambda: sim.step(2, move=True), push=lambda: sim.push('tip', [1, 0, 0]),
-            control=lambda: sim.controls.update({{'motor': .1}}), detail=lambda: sim.set_detail('all'),
-            restore=unless_recorded(lambda: sim.restore(moment)), record=record,
-            state=unless_recorded(lambda: sim.set_state([.1])),
-            stiffness=unless_recorded(lambda: sim.set_stiffness({{'elbow': 5}})),
-            batch_step=lambda: batch.step(steps=2), batch_reset=lambda: batch.reset(), batch_poses=lambda: batch.poses(),
-            factors=lambda: batch.factors, load=lambda: fork1s.load(ARM), matrices=lambda: arm.matrices,
-            buffers=lambda: fork1s.RecoveryBuffers(sim), compare=lambda: fork1s.compare(arm, time=.02),
-        )
-        sys.setswitchinterval(1e-5)
-        for pair in itertools.combinations_with_replacement(calls, 2):
-            def repeat(call):
-                for _ in range(5):
-                    call()
-            threads = [threading.Thread(target=repeat, args=(calls[name],), daemon=True) for name in pair]
-            for t in threads:
-                t.start()
-            for t in threads:
-                t.join(timeout=30)
-                if t.is_alive():
-                    print('stand still:', *pair, flush=True)
-                    os._exit(1)
-        print("done")
-    """)
+    assert "done" in run(
+        f"path = {str(tmp_path / 'r.h5')!r}\n{CALLS}"
+        + """
+sys.setswitchinterval(1e-5)
+for kind in methods:
+    for pair in itertools.combinations_with_replacement([key for key in calls if key[0] is kind], 2):
+        def repeat(call):
+            for _ in range(3):
+                call()
+        threads = [threading.Thread(target=repeat, args=(calls[key],), daemon=True) for key in pair]
+        for t in threads:
+            t.start()
+        for t in threads:
+            t.join(timeout=30)
+            if t.is_alive():
+                print('stand still:', *pair, flush=True)
+                os._exit(1)
+print("done")
+"""
+    )
 
 
 def test_other_threads_get_their_turn_between_the_steps_of_one_call():

@@ -32,7 +32,7 @@ void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors
 }  // namespace
 
 bool Batch::OnThreads(ReleasedGil& gil, const std::function<bool(int)>& work) const {
-  std::vector<char> done(drawn_.size());
+  std::vector<char> done(static_cast<std::size_t>(count_));
   do {
     WithThreads(threads_, [&] {
       ParallelFor(0, size(), kAtATime, [&](int begin, int end) {
@@ -46,7 +46,7 @@ bool Batch::OnThreads(ReleasedGil& gil, const std::function<bool(int)>& work) co
 }
 
 bool Batch::MakeOnThreads(ReleasedGil& gil, const std::function<void(int)>& make) const {
-  std::vector<char> done(drawn_.size());
+  std::vector<char> done(static_cast<std::size_t>(count_));
   do {
     WithThreads(threads_, [&] {
       ParallelForFixedShares(0, size(), [&](int i) {
@@ -64,7 +64,9 @@ bool Batch::MakeOnThreads(ReleasedGil& gil, const std::function<void(int)>& make
 Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
              const RunOptions& options, int threads)
     : model_(std::move(model)),
+      count_(count),
       threads_(threads),
+      has_seeds_(!differences.seeds.empty()),
       starts_(Take(Starts::Create(model_->scene(), MemberOptions(*model_, options), differences.ranges.start),
                    model_->origin())),
       ranges_(differences.ranges),
@@ -90,7 +92,7 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
 }
 
 BatchReport Batch::Step(const double* controls, int steps, bool move) {
-  const auto count = drawn_.size();
+  const auto count = static_cast<std::size_t>(count_);
   const auto width = static_cast<Eigen::Index>(control_names_.size());
   BatchReport all{std::vector<int>(count), std::vector<double>(count), std::vector<double>(count),
                   std::vector<int>(count), std::vector<char>(count)};
@@ -183,6 +185,20 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
   drawn_ = std::move(drawn);
 }
 
+std::vector<Drawn> Batch::Draws() const {
+  std::vector<Drawn> now;
+  ReleasedGil gil;
+  WithCallMutex(mutex_, "Batch", [&] { now = drawn_; });
+  return now;
+}
+
+std::vector<std::uint64_t> Batch::Seeds() const {
+  std::vector<std::uint64_t> now;
+  ReleasedGil gil;
+  WithCallMutex(mutex_, "Batch", [&] { now = seeds_; });
+  return now;
+}
+
 void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {
   ReleasedGil gil;
   WithCallMutex(mutex_, "Batch", [&] {
@@ -196,7 +212,7 @@ void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {
 
 SensorValues Batch::ReadSensors() {
   SensorValues read;
-  read.members = drawn_.size();
+  read.members = static_cast<std::size_t>(count_);
   read.first.push_back(0);
   for (const SensorDef& sensor : model_->scene().sensors) {
     read.names.push_back(sensor.name);
@@ -204,7 +220,7 @@ SensorValues Batch::ReadSensors() {
     read.first.push_back(read.first.back() + static_cast<std::size_t>(sensor.size));
   }
   const std::size_t width = read.first.back();
-  read.values.resize(drawn_.size() * width);
+  read.values.resize(static_cast<std::size_t>(count_) * width);
   ReleasedGil gil;
   WithCallMutex(mutex_, "Batch", [&] {
     OnThreads(gil, [&](int i) {

@@ -42,12 +42,11 @@ class Batch {
   Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
         const RunOptions& options, int threads);
 
-  int size() const { return static_cast<int>(drawn_.size()); }
+  int size() const { return count_; }
   int threads() const { return threads_; }
   const std::shared_ptr<const Model>& model() const { return model_; }
-  const std::vector<Drawn>& drawn() const { return drawn_; }
   const Randomisation& ranges() const { return ranges_; }
-  const std::vector<std::uint64_t>& seeds() const { return seeds_; }
+  bool has_seeds() const { return has_seeds_; }
   const std::vector<std::string>& control_names() const { return control_names_; }
 
   /// controls: size() rows of control_names(), or null: as they are. A call that a signal ends leaves members
@@ -57,6 +56,9 @@ class Batch {
   /// Simulations whose entry of `mask` is set begin anew: with what their seed draws next, or, where seeds
   /// are given, draws first. Without any seed they keep their factors, but for those that are given.
   void Reset(const std::vector<char>& mask, const MemberDifferences& differences);
+  /// What the members were drawn as, and by which seeds.
+  std::vector<Drawn> Draws() const;
+  std::vector<std::uint64_t> Seeds() const;
   /// f(i, simulation) for all, on threads; f writes to what is its own.
   void ForAll(const std::function<void(int, const Simulation&)>& f) const;
   /// Of all members at their present states.
@@ -70,16 +72,18 @@ class Batch {
   // Likewise, for work that makes members.
   bool MakeOnThreads(ReleasedGil& gil, const std::function<void(int)>& make) const;
 
-  std::shared_ptr<const Model> model_;
-  int threads_ = 0;
+  const std::shared_ptr<const Model> model_;
+  const int count_, threads_;
+  const bool has_seeds_;
   Starts starts_;
-  Randomisation ranges_;
+  const Randomisation ranges_;
+  // Below: with mutex_ held.
   std::vector<std::uint64_t> seeds_, times_;  // of each, and how often it has begun before; empty: none
   std::vector<Drawn> drawn_;
-  std::vector<std::string> control_names_;
-  mutable CallMutex mutex_;
   std::vector<Simulation> simulations_;
   std::vector<std::optional<Sensors>> sensors_;  // of each since it began, when first asked for
+  mutable CallMutex mutex_;
+  std::vector<std::string> control_names_;  // of all, from the start
 };
 
 }  // namespace fork1s::python

@@ -140,7 +140,7 @@ void Reset(Batch& batch, const nb::object& mask, const nb::object& seeds, const 
     const VectorX read = ReadVector(mask, count, "mask");
     for (std::size_t i = 0; i < count; ++i) chosen[i] = read(static_cast<Eigen::Index>(i)) != 0;
   }
-  if (!seeds.is_none() && batch.seeds().empty())
+  if (!seeds.is_none() && !batch.has_seeds())
     throw Refused{{ErrorCode::kUsage, "reset", "this batch was made without seeds; make it with seeds="}};
   const MemberDifferences differences = ReadDifferences(count, seeds, stiffness, friction, mass);
   batch.Reset(chosen, differences);
@@ -164,10 +164,10 @@ BoolArray Flags(const std::vector<char>& flags) {
 
 // What makes each differ: name -> (n,).
 nb::dict Factors(const Batch& batch) {
-  const std::size_t count = Count(batch);
+  const std::vector<Drawn> draws = batch.Draws();
   const auto column = [&](auto&& of) {
-    std::vector<double> values(count);
-    for (std::size_t i = 0; i < count; ++i) values[i] = of(batch.drawn()[i]);
+    std::vector<double> values;
+    for (const Drawn& d : draws) values.push_back(of(d));
     return ToArray(values);
   };
   nb::dict all;
@@ -299,7 +299,7 @@ void BindBatch(nb::module_& m) {
           "[rad or m] where that is drawn.",
           nb::sig("def factors(self) -> dict[str, numpy.typing.NDArray[numpy.float64]]"))
       .def_prop_ro(
-          "seeds", [](const Batch& b) { return OwnAll(b.seeds()); }, kOwn,
+          "seeds", [](const Batch& b) { return OwnAll(b.Seeds()); }, kOwn,
           "(n,) of the members, none without seeds: `Batch(model, 1, seeds=batch.seeds[i:i + 1])` begins as "
           "member i did.")
       .def_prop_ro_static(
