@@ -122,6 +122,13 @@ TEST(Start, KeepStart_LeavesAJointOutsideItsLimits) {
   EXPECT_LT(turn(kept), .05);
 }
 
+TEST(Start, FilesOfGazeboAreRefusedWithAConverter) {
+  const Outcome o = Fork1s("inspect " + Write("robot.sdf", "<sdf version='1.9'><model name='m'/></sdf>"));
+  EXPECT_EQ(o.code, 3);
+  EXPECT_NE(o.err.find("sdf2mjcf robot.sdf robot.xml"), std::string::npos) << o.err;
+  EXPECT_TRUE(o.out.empty()) << o.out;
+}
+
 TEST(Packages, OptionAndEnvironment) {
   const auto folder = ScratchFolder() / "prefix" / "share" / "hopper_description";
   std::filesystem::create_directories(folder / "meshes");
