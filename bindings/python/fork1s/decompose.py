@@ -71,8 +71,8 @@ def decompose_meshes(
     Args:
         model: path of an MJCF.
         out: path to write to. A file that an earlier call wrote is replaced, no other.
-        meshes: names of the meshes to decompose; default: closed colliding meshes that fill less than `max_fill` of
-            their hull.
+        meshes: names of the meshes to decompose (open ones take many minutes); default: closed colliding meshes that
+            fill less than `max_fill` of their hull.
         max_fill: share of the volume of the hull.
         threshold: concavity of a piece that CoACD accepts, a share of the half size of the mesh, 0.01 to 1.
         max_pieces: of a mesh at most; default: as many as `threshold` needs.
@@ -239,7 +239,8 @@ class _Writer:
         for name, mesh in solids.items():
             if not mesh.is_closed():
                 self._notes.append(
-                    f"mesh '{name}' has no closed surface and so no volume to judge it by; name it by --mesh to decompose it"
+                    f"mesh '{name}' has no closed surface and so no volume to judge it by; close it, or name it by --mesh, "
+                    "which takes many minutes"
                 )
                 fills.append(f"'{name}' is not closed")
             elif mesh.fill() < self._max_fill:
