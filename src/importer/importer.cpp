@@ -175,6 +175,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = ApplyGround(c, options)) return error;
   if (auto error = ExcludeOverlaps(c)) return error;
   if (auto error = ApplyPd(c, options)) return error;
+  if (auto error = ApplyHold(c, options)) return error;
   ConvertSensors(c);
   ConvertBoundedForces(c);
   FinishSprings(c);
