@@ -66,5 +66,5 @@ if ! cmp -s tools/wheel_extras.txt "$work/extras.txt" || [ ! -x "$work/extras/bi
 fi
 "$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --force-reinstall --no-deps \
   "$work"/dist/*.whl "$mujoco"
-echo "wheel: testing with optional packages: sweeps, environments for learning, log viewers"
+echo "wheel: testing with optional packages: sweeps, environments for learning, log viewers, pieces of meshes"
 env -u PYTHONPATH "$work/extras/bin/python" -m pytest tests/python/extras

@@ -135,6 +135,10 @@ void ModelArguments::AddTo(CLI::App& command) {
       "joints that the file starts outside their limits start there, with their stop, and not at "
       "the nearest value inside");
   command.add_flag(
+      "--hold", hold,
+      "position servos start with the set-points that hold where the joints start, and not with those of "
+      "the file; motors and other controls keep theirs");
+  command.add_flag(
       "--ground{under}", ground,
       "a level plane: at z = 0 with --base-pose, else under the model; --ground=Z at a height in m");
   command
@@ -226,6 +230,7 @@ std::vector<std::string> ModelArguments::Words() const {
   add("--base-pose", base_pose);
   for (const std::string& coordinate : coordinates) add("--q", coordinate);
   if (keep_start) words.push_back("--keep-start");
+  if (hold) words.push_back("--hold");
   add("--ground", ground);
   for (const std::string& package : packages) add("--package", package);
   if (json) words.push_back("--json");
@@ -299,6 +304,7 @@ Expected<void> ModelArguments::ReadStart(ImportOptions& options) const {
     options.joint_coordinates[split->first] = (*value)[0];
   }
   options.keep_start = keep_start;
+  options.hold = hold;
   options.ground = !ground.empty();
   if (options.ground && ground != "under") {
     auto height = ParseNumbers(ground, 1, "--ground");

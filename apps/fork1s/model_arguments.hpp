@@ -30,6 +30,7 @@ struct ModelArguments {
   std::string base_pose;                 // "x,y,z[,r,p,y]"
   std::vector<std::string> coordinates;  // "NAME=VALUE"
   bool keep_start = false;
+  bool hold = false;
   std::string ground;                 // "under", or a height
   std::vector<std::string> packages;  // "NAME=DIR"
   double read_time = 60;              // limit of Load, s

@@ -70,6 +70,7 @@ typedef struct fork1s_snapshot fork1s_snapshot;
  *   "base_pose": [X, Y, Z] or [X, Y, Z, QW, QX, QY, QZ]  where the base starts
  *   "q": {"JOINT": VALUE, ...}   where joints start
  *   "keep_start": true           joints that start outside their limits start there
+ *   "hold": true                 set-points of position servos are where their joints start
  *   "ground": true | HEIGHT      adds a level plane
  *   "packages": {"NAME": "FOLDER", ...}   folders of ROS packages
  *   "reader": "PATH"             the program fork1s, which reads the file in a process of its own: a file that

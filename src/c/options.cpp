@@ -153,6 +153,7 @@ Readers LoadReaders(LoadOptions& options) {
          o.joint_coordinates = ByName(v, name, "an object of numbers {\"JOINT\": VALUE, ...}", Number);
        }},
       {"keep_start", [&](const Json& v, const std::string& name) { o.keep_start = Truth(v, name); }},
+      {"hold", [&](const Json& v, const std::string& name) { o.hold = Truth(v, name); }},
       {"ground",
        [&](const Json& v, const std::string& name) {
          if (!v.is_boolean() && !v.is_number()) RefuseType(name, "true, false or a height", v);

@@ -195,6 +195,13 @@ std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);
 /// loops closed (initial_state.cpp); before ApplyPd, which holds it.
 std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options,
                                        const std::vector<Mimic>& mimics);
+/// The initial state so far: the chosen keyframe, or the file's reference (initial_state.cpp).
+KeyframeDef PresentStart(const Conversion& c);
+/// Makes a state the initial one, as a keyframe "start" of its own.
+void AddStart(Conversion& c, KeyframeDef start);
+/// Set-points of position servos at where each keyframe, and the start, has their joints (held_start.cpp); after
+/// ApplyPd, whose set-points hold them already.
+std::optional<Error> ApplyHold(Conversion& c, const ImportOptions& options);
 /// Whether body b touches anything: it is rigid with the base or with an interface body.
 bool Touches(const Mechanism& mechanism, int b);
 /// A plane under the model (ground.cpp).

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <set>
@@ -75,6 +76,25 @@ Expected<ImportedScene> Import(const internal::PreparedModel& prepared, const Im
   return internal::MoveOut(c);
 }
 
+// A file of Gazebo: <sdf>, <gazebo> of its first versions, or another root in a file of its extensions.
+bool IsSdformat(const std::string& path, const std::string& root) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  const bool is_other_format = root == "mujoco" || root == "mujocoinclude" || root == "robot";
+  return root == "sdf" || root == "gazebo" ||
+         (!is_other_format && (extension == ".sdf" || extension == ".world"));
+}
+
+Error RefuseSdformat(const std::string& path) {
+  const std::filesystem::path file(path);
+  const std::string out = file.stem().string() + (file.extension() == ".xml" ? "_mjcf.xml" : ".xml");
+  return {
+      ErrorCode::kFormat, path,
+      fmt::format("is a file of Gazebo (SDFormat), which is not read; MJCF and URDF are. Convert it with "
+                  "sdf2mjcf of the Python package sdformat-mjcf (https://github.com/gazebosim/gz-mujoco): "
+                  "sdf2mjcf {} {}; or give the URDF that it was made from",
+                  file.filename().string(), out)};
+}
+
 bool LooksLikeUrdf(const std::string& text) { return text.find("<robot") != std::string::npos; }
 
 Expected<internal::PreparedModel> PrepareText(const std::string& path, std::string text, bool on_disk,
@@ -86,6 +106,7 @@ Expected<internal::PreparedModel> PrepareText(const std::string& path, std::stri
     if (declaration_line > 0) root = internal::RootElement(path, text);
   }
   if (!root) return tl::unexpected<Error>(root.error());
+  if (IsSdformat(path, *root)) return tl::unexpected<Error>(RefuseSdformat(path));
   if (*root != "mujoco" && *root != "robot" && *root != "mujocoinclude") {
     return Fail(
         ErrorCode::kFormat, path,
@@ -154,6 +175,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = ApplyGround(c, options)) return error;
   if (auto error = ExcludeOverlaps(c)) return error;
   if (auto error = ApplyPd(c, options)) return error;
+  if (auto error = ApplyHold(c, options)) return error;
   ConvertSensors(c);
   ConvertBoundedForces(c);
   FinishSprings(c);

@@ -18,26 +18,6 @@ struct Asked : WantedCoordinate {
   int mechanism = 0;
 };
 
-// The initial state so far: the chosen keyframe, or the file's reference.
-KeyframeDef PresentStart(const Conversion& c) {
-  if (c.initial_keyframe >= 0) return c.scene.keyframes[c.initial_keyframe];
-  KeyframeDef start;
-  for (const MechanismDef& mechanism : c.scene.mechanisms) {
-    KeyframeDef::MechanismState state;
-    Eigen::Index n = 0;
-    for (const JointDef& joint : mechanism.joints) n += static_cast<Eigen::Index>(joint.freedoms.size());
-    state.q = VectorX::Zero(n);
-    state.q_dot = VectorX::Zero(n);
-    state.X_WR = mechanism.X_WR;
-    state.controls = VectorX::Zero(static_cast<Eigen::Index>(mechanism.controls.size()));
-    for (std::size_t k = 0; k < mechanism.controls.size(); ++k)
-      state.controls[static_cast<Eigen::Index>(k)] = mechanism.controls[k].initial;
-    start.mechanisms.push_back(std::move(state));
-  }
-  for (const FreeBodyDef& body : c.scene.free_bodies) start.free_bodies.push_back({body.X_WB});
-  return start;
-}
-
 Error RefusePose(const Conversion& c, std::string message) {
   return {ErrorCode::kUsage, fmt::format("{}, option base-pose", c.file), std::move(message)};
 }
@@ -215,6 +195,32 @@ std::optional<Error> SetCoordinates(Conversion& c, const ImportOptions& options,
     moved = moved || !asked[i].empty() || q != before;
   }
   if (!moved) return std::nullopt;
+  AddStart(c, std::move(start));
+  return std::nullopt;
+}
+
+}  // namespace
+
+KeyframeDef PresentStart(const Conversion& c) {
+  if (c.initial_keyframe >= 0) return c.scene.keyframes[c.initial_keyframe];
+  KeyframeDef start;
+  for (const MechanismDef& mechanism : c.scene.mechanisms) {
+    KeyframeDef::MechanismState state;
+    Eigen::Index n = 0;
+    for (const JointDef& joint : mechanism.joints) n += static_cast<Eigen::Index>(joint.freedoms.size());
+    state.q = VectorX::Zero(n);
+    state.q_dot = VectorX::Zero(n);
+    state.X_WR = mechanism.X_WR;
+    state.controls = VectorX::Zero(static_cast<Eigen::Index>(mechanism.controls.size()));
+    for (std::size_t k = 0; k < mechanism.controls.size(); ++k)
+      state.controls[static_cast<Eigen::Index>(k)] = mechanism.controls[k].initial;
+    start.mechanisms.push_back(std::move(state));
+  }
+  for (const FreeBodyDef& body : c.scene.free_bodies) start.free_bodies.push_back({body.X_WB});
+  return start;
+}
+
+void AddStart(Conversion& c, KeyframeDef start) {
   start.name = "start";
   const auto taken = [&] {
     return std::any_of(c.scene.keyframes.begin(), c.scene.keyframes.end(),
@@ -223,10 +229,7 @@ std::optional<Error> SetCoordinates(Conversion& c, const ImportOptions& options,
   while (taken()) start.name += '_';
   c.initial_keyframe = static_cast<int>(c.scene.keyframes.size());
   c.scene.keyframes.push_back(std::move(start));
-  return std::nullopt;
 }
-
-}  // namespace
 
 std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options,
                                        const std::vector<Mimic>& mimics) {

@@ -101,9 +101,11 @@ void ListDoubtfulMeshes(Conversion& c) {
       hollow_names.push_back(name);
     }
   }
-  c.DroppedMany("hollow of mesh", hollow_names,
-                "contact takes the convex hull, of which the mesh fills less than half; split it into convex "
-                "parts (CoACD and V-HACD do) and give each a shape of its own");
+  c.DroppedMany(
+      "hollow of mesh", hollow_names,
+      "contact takes the convex hull, of which the mesh fills less than half; an MJCF in which it is "
+      "convex pieces is written by: python -m fork1s.decompose MODEL.xml OUT.xml (a URDF is first "
+      "converted: fork1s export MODEL.urdf MODEL.xml)");
 }
 
 }  // namespace fork1s::internal

@@ -122,6 +122,32 @@ TEST(Start, KeepStart_LeavesAJointOutsideItsLimits) {
   EXPECT_LT(turn(kept), .05);
 }
 
+TEST(Start, FilesOfGazeboAreRefusedWithAConverter) {
+  const Outcome o = Fork1s("inspect " + Write("robot.sdf", "<sdf version='1.9'><model name='m'/></sdf>"));
+  EXPECT_EQ(o.code, 3);
+  EXPECT_NE(o.err.find("sdf2mjcf robot.sdf robot.xml"), std::string::npos) << o.err;
+  EXPECT_TRUE(o.out.empty()) << o.out;
+}
+
+// A level arm of 1 kg at 0.5 m sags by θ where k (θ) = m g l cos θ; without --hold its servo turns it to 0.
+TEST(Start, Hold_KeepsThePostureOfTheStartUpToTheSag) {
+  const std::string arm =
+      Write("servo.xml", R"(<mujoco><compiler angle="radian"/><worldbody><body name="arm" pos="0 0 1">
+      <joint name="lift" axis="0 1 0" ref="1.2"/><geom size=".05" mass="1" pos=".5 0 0"/></body></worldbody>
+      <actuator><position name="lift" joint="lift" kp="200" kv="20"/></actuator></mujoco>)");
+  double sag = 0;
+  for (int i = 0; i < 50; ++i) sag = 9.81 * .5 * std::cos(sag) / 200;
+  const auto turn = [](const Outcome& o) {
+    const auto q = o.Json()["interface"][0]["quaternion_wxyz"].get<std::vector<double>>();
+    return 2 * std::atan2(q[2], q[0]);
+  };
+  const Outcome held = Fork1s("run --time 3 --hold --json " + arm),
+                file = Fork1s("run --time 3 --json " + arm);
+  ASSERT_EQ(held.code, 0) << held.err;
+  EXPECT_NEAR(turn(held), sag, 1e-5);  // what is left of the swing, whose time constant is 0.1 s
+  EXPECT_LT(turn(file), -1.1);
+}
+
 TEST(Packages, OptionAndEnvironment) {
   const auto folder = ScratchFolder() / "prefix" / "share" / "hopper_description";
   std::filesystem::create_directories(folder / "meshes");

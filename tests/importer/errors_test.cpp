@@ -30,6 +30,15 @@ TEST_P(BadFile, IsRefusedWithASentence) {
 INSTANTIATE_TEST_SUITE_P(
     Importer, BadFile,
     ::testing::Values(
+        Bad{"sdformat",
+            R"(<?xml version="1.0"?><sdf version="1.9"><model name="m"/></sdf>)",
+            ErrorCode::kFormat,
+            {"is a file of Gazebo (SDFormat)", "sdf2mjcf test.xml test_mjcf.xml", "sdformat-mjcf", "URDF"}},
+        Bad{"sdformat_of_its_first_versions",
+            "<gazebo version='1.0'><world/></gazebo>",
+            ErrorCode::kFormat,
+            {"SDFormat"}},
+        Bad{"another_root", "<scene/>", ErrorCode::kFormat, {"the root element is <scene>"}},
         Bad{"a_comment_alone", "<!-- nothing -->\n", ErrorCode::kFormat, {"the file holds no XML element"}},
         Bad{"nan_mass",
             Body("", R"(<geom size=".1" mass="nan"/>)"),
@@ -110,6 +119,17 @@ TEST(ImportErrors, FilesThatCannotBeRead) {
   loaded = LoadMechanism(::testing::TempDir());
   ASSERT_FALSE(loaded);
   EXPECT_CONTAINS(loaded.error().message, "folder");
+}
+
+TEST(ImportErrors, FilesOfGazeboAreNamedByTheirExtension) {
+  for (const char* name : {"robot.sdf", "yard.world"}) {
+    const auto other = LoadMechanism(WriteFile(name, "<world/>"));
+    ASSERT_FALSE(other);
+    EXPECT_EQ(other.error().code, ErrorCode::kFormat);
+    EXPECT_CONTAINS(other.error().where, name);
+    EXPECT_CONTAINS(other.error().message, "SDFormat");
+  }
+  EXPECT_TRUE(LoadMechanism(WriteFile("model.world", Body(""))));
 }
 
 TEST(ImportErrors, DeepNesting) {

@@ -295,6 +295,8 @@ TEST(ImportMeshes, WhoseHullHidesAnOpening_AreNamed) {
                    "hollow of mesh 'tube': contact takes the convex");
   };
   EXPECT_TRUE(load(SquareTube(.06, .05, .3), "collision"));
+  const auto tube = LoadArm("tube.stl", BinaryStl(SquareTube(.06, .05, .3)), "", "collision");
+  EXPECT_TRUE(HasNote(tube->report, ImportNote::Kind::kDropped, "python -m fork1s.decompose"));
   EXPECT_FALSE(load(SquareTube(.06, .05, .3), "visual"));
   EXPECT_FALSE(load(SquareTube(.06, .02, .3), "collision"));  // the hole is a ninth of it
   EXPECT_FALSE(load(CornerTetrahedron(.3, .2, .1), "collision"));

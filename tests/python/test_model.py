@@ -180,6 +180,43 @@ def test_scenes_of_the_package():
         fork1s.scene("none")
 
 
+def test_hold_keeps_the_posture_of_the_start():
+    """An arm of 1 kg at 0.5 m on a servo of 200 N·m/rad sags from the pose q by θ: 200 θ = m g l cos(q + θ)."""
+    text = """<mujoco><compiler angle="radian"/><worldbody><body name="arm" pos="0 0 1"><joint name="lift" axis="0 1 0"/>
+      <geom size=".05" mass="1" pos=".5 0 0"/></body></worldbody>
+      <actuator><position name="lift" joint="lift" kp="200" kv="20"/><motor name="help" joint="lift"/></actuator>
+      <keyframe><key name="low" qpos=".7" ctrl="0 .5"/></keyframe></mujoco>"""
+
+    def rest(q, torque=0.0):
+        sag = 0.0
+        for _ in range(60):
+            sag = (9.81 * 0.5 * np.cos(q + sag) + torque) / 200
+        return q + sag
+
+    held = fork1s.load(text, q={"lift": -0.4}, hold=True)
+    assert any("'help'" in note and "hold" in note for note in held.notes)
+    sim = fork1s.Simulation(held)
+    assert sim.controls["lift"] == pytest.approx(-0.4, abs=1e-12) and sim.controls["help"] == 0
+    assert sim.actuator_forces["lift"] == pytest.approx(0, abs=1e-9)
+    sim.step(240)
+    assert sim.qpos == pytest.approx([rest(-0.4)], abs=1e-5)
+    assert fork1s.Simulation(pickle.loads(pickle.dumps(held))).controls["lift"] == sim.controls["lift"]
+    low = fork1s.Simulation(held, keyframe="low")
+    assert low.controls["lift"] == pytest.approx(0.7, abs=1e-12) and low.controls["help"] == 0.5
+    low.step(240)
+    assert low.qpos == pytest.approx([rest(0.7, 0.5)], abs=1e-5)
+    # the equilibrium, solved without a simulation; it turns by the sag from the start
+    answer = fork1s.statics(held, "arm", [0, 0, 0])
+    at = answer.nonlinear.position - [0, 0, 1]
+    assert at == pytest.approx([0, 0, 0], abs=1e-9)
+    assert answer.nonlinear.rotation == pytest.approx([0, rest(-0.4) + 0.4, 0], abs=1e-6)
+    plain = fork1s.Simulation(fork1s.load(text, q={"lift": -0.4}))
+    plain.step(240)
+    assert plain.qpos == pytest.approx([rest(0.0)], abs=1e-5)
+    with pytest.raises(TypeError, match="hold must be True or False"):
+        fork1s.load(text, hold="no")
+
+
 def test_keep_start_starts_a_joint_outside_its_limits():
     text = """<mujoco><worldbody><body name="thigh"><joint name="knee" axis="0 1 0" range="30 70"/>
       <geom size=".1" pos=".3 0 0"/></body></worldbody></mujoco>"""

@@ -22,7 +22,7 @@ TEST(ImportOptionsJson, RoundTrip) {
   options.base_pose =
       RigidTransform(Quaternion(0.5, 0.5, -0.5, 0.5).toRotationMatrix(), Vector3(0.1, 1.0 / 3, -2));
   options.joint_coordinates = {{"hip", -0.1}};
-  options.keep_start = options.ground = true;
+  options.keep_start = options.hold = options.ground = true;
   options.ground_height = 0.3;
   options.packages = {{"robot", "/a=b"}};
   const auto read = ReadImportOptions(WriteImportOptions(options), "all");
@@ -34,6 +34,7 @@ TEST(ImportOptionsJson, RoundTrip) {
   EXPECT_EQ(read->joint_pd.at("knee=1,2").kv, 2);
   EXPECT_EQ(read->base_pose->rotation(), options.base_pose->rotation());
   EXPECT_EQ(read->ground_height, 0.3);
+  EXPECT_TRUE(read->hold);
 }
 
 TEST(ChildReader, ProgramsThatAreNoReaderAreNamed) {

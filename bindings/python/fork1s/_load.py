@@ -44,6 +44,7 @@ def load(
     base_pose: npt.ArrayLike | None = None,
     q: Mapping[str, float] | None = None,
     keep_start: bool = False,
+    hold: bool = False,
     ground: bool | float = False,
     packages: Mapping[str, str | os.PathLike[str]] | None = None,
     in_process: bool = False,
@@ -72,6 +73,8 @@ def load(
         q: joint name to where it starts, rad or m.
         keep_start: joints that the file, `keyframe` or `q` starts outside their limits start there, with their stop;
             default: at the nearest value inside.
+        hold: position servos start with the set-points that hold where the joints start, in every keyframe, and not with
+            those of the file; motors and other controls keep theirs, and a note names them.
         ground: True adds a level plane under the model (at z = 0 with `base_pose`), a number one at that height in m.
         packages: URDF: folders of ROS packages by name.
         in_process: True reads a path in this process, without the child, its limits and its time. Text and models of
@@ -92,6 +95,7 @@ def load(
         base_pose=base_pose,
         q=q,
         keep_start=keep_start,
+        hold=hold,
         ground=ground,
         packages=packages,
         in_process=in_process,

@@ -64,6 +64,7 @@ ImportOptions ReadOptions(const nb::dict& given) {
   options.joint_coordinates =
       ReadAs<std::map<std::string, double>>(get("q"), "q", "a mapping from joint names to numbers");
   options.keep_start = ReadAs<bool>(get("keep_start"), "keep_start", "True or False");
+  options.hold = ReadAs<bool>(get("hold"), "hold", "True or False");
   options.ground = nb::cast<bool>(get("ground"));
   options.ground_height =
       ReadAs<std::optional<double>>(get("ground_height"), "ground", "True, False or a height");

@@ -71,8 +71,9 @@ struct ImportOptions {
   std::optional<RigidTransform> base_pose;          // X_WB of the base of the only mechanism or free body
   std::map<std::string, double> joint_coordinates;  // by joint name, as the file counts them: rad or m
   bool keep_start = false;                          // joints that the file starts outside their limits too
-  bool ground = false;                              // adds a level plane; refused where there is one
-  std::optional<double> ground_height;              // m; else 0 with a base pose, without: under the robot
+  bool hold = false;    // set-points of position servos are where their joints start, not those of the file
+  bool ground = false;  // adds a level plane; refused where there is one
+  std::optional<double> ground_height;  // m; else 0 with a base pose, without: under the robot
 
   /// URDF: folder of a ROS package, by name. A package without an entry is looked for below
   /// AMENT_PREFIX_PATH, then ROS_PACKAGE_PATH, then in the folders above the file.
