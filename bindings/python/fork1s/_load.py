@@ -180,10 +180,11 @@ def recipe_of(model: _core.Model) -> tuple[Any, dict[str, Any], dict[str, float]
     return model._recipe
 
 
-def _again(source: Any, options: dict[str, Any], stiffness: dict[str, float]) -> _core.Model:
-    model = load(source, **options)
-    return with_stiffness(model, stiffness) if stiffness else model
+def _again(state: object, recipe: tuple[Any, dict[str, Any], dict[str, float]]) -> _core.Model:
+    model = _core.model_of_state(state)
+    model._recipe = recipe
+    return model
 
 
-# A model goes to other processes as what it was read from: a path stays a path, which must be there too.
-copyreg.pickle(_core.Model, lambda model: (_again, recipe_of(model)))
+# A model goes to other processes as it was read, so that they need no file and get the same bits.
+copyreg.pickle(_core.Model, lambda model: (_again, (model._state(), recipe_of(model))))
