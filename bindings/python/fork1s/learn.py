@@ -25,6 +25,7 @@ from ._core import Batch
 from ._errors import UsageError
 from ._load import load, scene
 from ._render import Renderer
+from ._sb3 import adapter_class
 from ._tasks import TASKS, GraspLift, Now, PegInsertion, Quadruped, Task
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "Task",
     "VectorEnvironment",
     "TASKS",
+    "sb3",
 ]
 
 Randomise = Mapping[str, tuple[float, float]] | bool
@@ -198,7 +200,13 @@ class _Members:
         """Reward, terminated, truncated, done what was asked, numbers finite: (n,) each."""
         if not self.has_begun:
             raise UsageError("step was called before reset; call reset first")
-        action = np.clip(np.asarray(actions, dtype=float).reshape(self.task.count, self.task.actions), -1, 1)
+        given = np.asarray(actions, dtype=float)
+        shape = (self.task.count, self.task.actions)
+        if given.shape != shape and not (shape[0] == 1 and given.shape == shape[1:]):
+            raise UsageError(
+                f"actions have shape {given.shape}; {shape} is expected, (members, Task.actions)"
+            )
+        action = np.clip(given.reshape(shape), -1, 1)
         if not np.isfinite(action).all():
             raise UsageError("actions must be finite")
         before = self.now
@@ -408,6 +416,39 @@ def _generators_of(
             raise UsageError(f"seed has {seed!r} for member {i}; give whole numbers from 0 on, or None")
         generators.append(gymnasium.utils.seeding.np_random(None if seed is None else int(seed))[0])
     return generators
+
+
+def sb3(
+    task: type[Task],
+    num_envs: int,
+    *,
+    randomise: Randomise = True,
+    threads: int | None = None,
+    model: Any = None,
+    observe: Sequence[str] = (),
+    max_episode_steps: int | None = None,
+    render_mode: str | None = None,
+    picture: Picture | None = None,
+) -> Any:
+    """A VecEnv of Stable-Baselines3 whose members step as one batch.
+
+        policy = stable_baselines3.PPO("MlpPolicy", fork1s.learn.sb3(fork1s.learn.Quadruped, 64), seed=1)
+
+    A member that is done begins anew in the same step, and its dictionary has the `terminal_observation`. `seed(s)` gives
+    member i the seed s + i at the next reset, by which it does what an Environment of that seed does.
+
+    Args:
+        as of VectorEnvironment.
+
+    Raises:
+        ModuleNotFoundError: without the package stable-baselines3.
+    """
+    members = _Members(
+        task, num_envs, randomise, threads, model, observe, max_episode_steps, render_mode, picture
+    )
+    return adapter_class()(
+        members, render_mode, lambda seeds, before: _generators_of(seeds, num_envs, before)
+    )
 
 
 for _task in TASKS:
