@@ -87,7 +87,7 @@ class _Members:
         self.model = load(scene(task.scene) if model is None else model, **task.load)
         ranges = task.randomise if randomise is True else randomise or None
         # Drawn at every reset, by seeds from the generator of the environment.
-        drawn = {} if ranges is None else {"seeds": 0, "randomise": ranges}
+        drawn: dict[str, Any] = {} if ranges is None else {"seeds": 0, "randomise": ranges}
         self.batch = Batch(self.model, count, dt=task.dt, threads=threads or 0, **drawn)
         self.task = task(count, self.batch.controls)
         self.observed = self._sensors_of(observe)
@@ -144,7 +144,7 @@ class _Members:
         if isinstance(generators, np.random.Generator):
             draws = [(mask, generators)]
         else:  # as if each were the only one
-            draws = [(np.arange(len(mask)) == i, generators[i]) for i in np.flatnonzero(mask)]
+            draws = [(np.arange(len(mask)) == i, generators[int(i)]) for i in np.flatnonzero(mask)]
         for members, rng in draws:
             if seeds is not None:
                 seeds[members] = rng.integers(2**63 - 1, size=int(members.sum()))
