@@ -167,13 +167,15 @@ class _Part:
         return joint in response and float(np.abs(response[joint]).max()) > 1e-9 * largest
 
     def residual(self, model: _core.Model) -> Matrix:
-        return (model.compliance(self.body) - self.wanted)[self.rows, self.columns] / self.unit
+        missed: Matrix = self.missed(model)[self.rows, self.columns] / self.unit
+        return missed
 
     def slopes(self, model: _core.Model, joints: list[str], k: Matrix) -> Matrix:
         response = self._response(model)
         none = np.zeros(6)
         y = np.array([response.get(name, none) for name in joints])
-        return (-k[:, None] * y[:, self.rows] * y[:, self.columns] / self.unit).T
+        slopes: Matrix = (-k[:, None] * y[:, self.rows] * y[:, self.columns] / self.unit).T
+        return slopes
 
     def missed(self, model: _core.Model) -> Matrix:
         return model.compliance(self.body) - self.wanted
@@ -222,7 +224,8 @@ def _limits(
             raise UnknownNameError(
                 f"there is no joint coordinate '{sorted(unknown)[0]}'; there are: {', '.join(now)}"
             )
-        limits = [tuple(map(float, bounds.get(n, (0.01 * now[n], 100 * now[n])))) for n in joints]
+        chosen = [bounds.get(n, (0.01 * now[n], 100 * now[n])) for n in joints]
+        limits = [(float(low), float(high)) for low, high in chosen]
     else:
         limits = [(float(bounds[0]) * now[n], float(bounds[1]) * now[n]) for n in joints]
     for name, (low, high) in zip(joints, limits):

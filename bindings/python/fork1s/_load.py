@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Source = Union[str, "os.PathLike[str]", "mujoco.MjModel", "mujoco.MjSpec"]
 Gains = tuple[float, float]
+Recipe = tuple[Any, dict[str, Any], dict[str, float]]  # source, options, stiffnesses set since
 
 
 def scene(name: str) -> Path:
@@ -84,7 +85,7 @@ def load(
     Raises:
         FileError, FormatError, ModelError, UsageError: with file, place, cause and remedy.
     """
-    given = dict(
+    given: dict[str, Any] = dict(
         interface=interface,
         base=base,
         modes=modes,
@@ -108,11 +109,11 @@ def load(
         source = copy.copy(source)
     elif not (isinstance(source, str) and source.lstrip().startswith("<")):
         source = os.path.abspath(source)
-    model._recipe = (source, {name: v for name, v in given.items() if v is not _DEFAULTS[name]}, {})
+    _note(model, (source, {name: v for name, v in given.items() if v is not _DEFAULTS[name]}, {}))
     return model
 
 
-_DEFAULTS = load.__kwdefaults__
+_DEFAULTS: dict[str, Any] = load.__kwdefaults__ or {}
 # Reads a path on its own where it is asked to: ReadInChild.
 _PROGRAM = str(Path(__file__).parent / "bin" / "fork1s")
 
@@ -173,21 +174,35 @@ def _read(source: Any, options: dict[str, Any], in_process: bool, read_time: flo
 
 
 def with_stiffness(model: _core.Model, stiffness: Mapping[str, float]) -> _core.Model:
-    changed = model._with_stiffness(dict(stiffness))
+    private: Any = model
+    changed: _core.Model = private._with_stiffness(dict(stiffness))
     source, options, before = recipe_of(model)
-    changed._recipe = (source, options, {**before, **{name: float(k) for name, k in stiffness.items()}})
+    _note(changed, (source, options, {**before, **{name: float(k) for name, k in stiffness.items()}}))
     return changed
 
 
-def recipe_of(model: _core.Model) -> tuple[Any, dict[str, Any], dict[str, float]]:
+def _note(model: _core.Model, recipe: Recipe) -> None:
+    private: Any = model  # an attribute of the object alone, which the stub does not have
+    private._recipe = recipe
+
+
+def recipe_of(model: _core.Model) -> Recipe:
     """What `load` was given, its options, and the stiffnesses that were set since."""
-    return model._recipe
+    private: Any = model
+    recipe: Recipe = private._recipe
+    return recipe
 
 
-def _again(source: Any, options: dict[str, Any], stiffness: dict[str, float]) -> _core.Model:
-    model = load(source, **options)
-    return with_stiffness(model, stiffness) if stiffness else model
+def _again(state: object, recipe: Recipe) -> _core.Model:
+    model = _core.model_of_state(state)
+    _note(model, recipe)
+    return model
 
 
-# A model goes to other processes as what it was read from: a path stays a path, which must be there too.
-copyreg.pickle(_core.Model, lambda model: (_again, recipe_of(model)))
+# A model goes to other processes as it was read, so that they need no file and get the same bits.
+def _reduced(model: _core.Model) -> tuple[Any, tuple[object, Recipe]]:
+    private: Any = model
+    return _again, (private._state(), recipe_of(model))
+
+
+copyreg.pickle(_core.Model, _reduced)

@@ -204,7 +204,8 @@ def _difference(model: Any, other: Any) -> str:
     for name in dir(model):
         if not _READ.match(name) or _DERIVED.match(name):
             continue
-        ours, theirs = getattr(model, name), getattr(other, name, None)
+        ours: Any = getattr(model, name)
+        theirs: Any = getattr(other, name, None)
         if isinstance(ours, (int, bytes)) and ours != theirs:
             return name
         if isinstance(ours, np.ndarray):

@@ -8,6 +8,7 @@ import os
 import sys
 import webbrowser
 from pathlib import Path
+from typing import Any
 
 from . import _core
 from ._errors import FileError, UsageError
@@ -98,7 +99,8 @@ def replay(path: str | os.PathLike[str], *, height: int = 480) -> Replay:
 
 
 def replay_of(sim: _core.Simulation, height: int) -> Replay:
-    path = sim._flush_recording()
+    private: Any = sim
+    path = private._flush_recording()
     if not path:
         raise UsageError("replay: nothing was recorded; call record(path) before the first step")
     return replay(path, height=height)

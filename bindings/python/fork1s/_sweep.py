@@ -142,7 +142,8 @@ def _plain(value: Any, name: str) -> Any:
 
 def _rows(parameters: Points) -> Iterable[Mapping[str, Any]]:
     if hasattr(parameters, "to_dict") and hasattr(parameters, "columns"):
-        return parameters.to_dict("records")
+        records: list[dict[str, Any]] = parameters.to_dict("records")
+        return records
     if not isinstance(parameters, Mapping):
         return parameters
     for name, values in parameters.items():

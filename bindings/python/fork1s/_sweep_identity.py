@@ -307,8 +307,10 @@ def _names_read(code: types.CodeType) -> tuple[set[str], set[tuple[str, int]], s
         before = [before[1], step.argval]
     for inner in code.co_consts:
         if isinstance(inner, types.CodeType):
-            for ours, theirs in zip((read, imported, attributes), _names_read(inner)):
-                ours.update(theirs)  # type: ignore[attr-defined]
+            of_inner = _names_read(inner)
+            read |= of_inner[0]
+            imported |= of_inner[1]
+            attributes |= of_inner[2]
     return read, imported, attributes
 
 

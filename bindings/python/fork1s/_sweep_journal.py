@@ -87,6 +87,7 @@ class Journal:
     def _read_table(self) -> None:
         import pyarrow.parquet
 
+        assert self._path is not None
         if not self._path.exists():
             return
         try:
@@ -209,6 +210,7 @@ class Journal:
             before = before[~before[_KEY].isin(set(points))]
             if len(before):
                 kept = pandas.concat([kept, before], ignore_index=True)
+        assert self._path is not None
         beside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
         try:
             written = pyarrow.Table.from_pandas(kept, preserve_index=False)

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from queue import SimpleQueue
+from types import FrameType
 from typing import Any
 
 from ._errors import SweepWarning, UsageError
@@ -25,7 +26,8 @@ _PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
 
 def warn(sentence: str) -> None:
     """A SweepWarning at the line of the caller's that called `sweep`."""
-    depth, frame = 1, sys._getframe()
+    depth = 1
+    frame: FrameType | None = sys._getframe()
     while frame is not None and os.path.abspath(frame.f_code.co_filename).startswith(_PACKAGE):
         depth, frame = depth + 1, frame.f_back
     warnings.warn(sentence, SweepWarning, stacklevel=depth)
@@ -155,8 +157,13 @@ class Sweeping:
         chunk: int,
     ) -> None:
         self._task, self._journal, self._progress = task, journal, progress
-        self._own = LocalProcesses(len(points)) if executor is None else None
-        self._submit = self._own.submit if self._own is not None else executor.submit
+        self._own: LocalProcesses | None = None
+        self._submit: Callable[..., Future[Any]]
+        if executor is None:
+            self._own = LocalProcesses(len(points))
+            self._submit = self._own.submit
+        else:
+            self._submit = executor.submit
         self._to_ask = deque(points[i : i + chunk] for i in range(0, len(points), chunk))
         self._suspects: deque[list[Point]] = deque()
         self._again: set[str] = set()  # keys of points that an executor has failed once
@@ -232,7 +239,7 @@ class Sweeping:
                     self._fail(asked, f"{type(problem).__name__}: {problem}")
             else:
                 self._keep(asked, rows)  # an exception of the progress function is not one of the point
-        if broken:
+        if broken and self._own is not None:
             self._own.close()
             if not self._answered:
                 self._own.check()

@@ -38,7 +38,8 @@ def packed(task: Task) -> bytes:
         # Functions of the caller's own program have a name there alone: cloudpickle takes their code along.
         import cloudpickle
 
-        return cloudpickle.dumps(task)
+        code: bytes = cloudpickle.dumps(task)
+        return code
     except ModuleNotFoundError:
         pass
     try:
@@ -52,7 +53,8 @@ def packed(task: Task) -> bytes:
 
 @lru_cache(maxsize=4)
 def _unpacked(task: bytes) -> Task:
-    return pickle.loads(task)
+    unpacked: Task = pickle.loads(task)
+    return unpacked
 
 
 def answer(

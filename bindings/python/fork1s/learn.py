@@ -10,6 +10,7 @@ docs/learning.md explains them from the beginning. Needs `pip install 'fork1s[le
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ except ModuleNotFoundError:
 from ._core import Batch
 from ._errors import UsageError
 from ._load import load, scene
+from ._render import Renderer
+from ._sb3 import adapter_class
 from ._tasks import TASKS, GraspLift, Now, PegInsertion, Quadruped, Task
 
 __all__ = [
@@ -30,14 +33,27 @@ __all__ = [
     "GraspLift",
     "Now",
     "PegInsertion",
+    "Picture",
     "Quadruped",
     "Task",
     "VectorEnvironment",
     "TASKS",
+    "sb3",
 ]
 
 Randomise = Mapping[str, tuple[float, float]] | bool
+# Of one generator for all members, or one for each.
+Generators = np.random.Generator | Sequence[np.random.Generator]
 _LARGEST = 10.0  # of what is observed
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What `render` returns with render_mode "rgb_array": pixels, and the camera of the model, None for a free one."""
+
+    height: int = 360
+    width: int = 480
+    camera: str | None = None
 
 
 class _Members:
@@ -51,11 +67,27 @@ class _Members:
         threads: int | None,
         model: Any,
         observe: Sequence[str],
+        max_episode_steps: int | None,
+        render_mode: str | None,
+        picture: Picture | None,
     ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise UsageError(f"render_mode is {render_mode!r}; give 'rgb_array' or None")
+        if max_episode_steps is not None and (
+            isinstance(max_episode_steps, bool)
+            or not isinstance(max_episode_steps, (int, np.integer))
+            or max_episode_steps < 1
+        ):
+            raise UsageError(
+                f"max_episode_steps is {max_episode_steps!r}; give a whole number from 1 on, or None"
+            )
+        self.max_steps = max_episode_steps
+        self.steps_made = np.zeros(count, dtype=np.int64)
+        self.has_begun = False
         self.model = load(scene(task.scene) if model is None else model, **task.load)
         ranges = task.randomise if randomise is True else randomise or None
         # Drawn at every reset, by seeds from the generator of the environment.
-        drawn = {} if ranges is None else {"seeds": 0, "randomise": ranges}
+        drawn: dict[str, Any] = {} if ranges is None else {"seeds": 0, "randomise": ranges}
         self.batch = Batch(self.model, count, dt=task.dt, threads=threads or 0, **drawn)
         self.task = task(count, self.batch.controls)
         self.observed = self._sensors_of(observe)
@@ -65,6 +97,13 @@ class _Members:
         width = task.observations + sum(self.now.sensors[name].shape[1] for name in self.observed)
         self.observation_space = gymnasium.spaces.Box(-_LARGEST, _LARGEST, (width,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1, 1, (task.actions,), np.float32)
+        self.picture = Picture() if picture is None else picture
+        self.renderer = (
+            None
+            if render_mode is None
+            else Renderer(self.model, self.picture.height, self.picture.width, self.picture.camera)
+        )
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1 / (task.dt * task.steps))}
 
     def _sensors_of(self, observe: Sequence[str]) -> list[str]:
         """Names after "sensor:". Refuses others, and sensors that never have a value."""
@@ -100,33 +139,106 @@ class _Members:
         sensors = self.batch.sensors
         return {name: sensors[name] for name in self.asked}
 
-    def begin(self, mask: npt.NDArray[np.bool_], rng: np.random.Generator) -> None:
-        seeds = None
-        if len(self.batch.seeds):
-            seeds = np.zeros(len(mask), dtype=np.int64)
-            seeds[mask] = rng.integers(2**63 - 1, size=int(mask.sum()))
-        self.task.begin(mask, rng)
+    def begin(self, mask: npt.NDArray[np.bool_], generators: Generators) -> None:
+        seeds = np.zeros(len(mask), dtype=np.int64) if len(self.batch.seeds) else None
+        if isinstance(generators, np.random.Generator):
+            draws = [(mask, generators)]
+        else:  # as if each were the only one
+            draws = [(np.arange(len(mask)) == i, generators[int(i)]) for i in np.flatnonzero(mask)]
+        for members, rng in draws:
+            if seeds is not None:
+                seeds[members] = rng.integers(2**63 - 1, size=int(members.sum()))
+            self.task.begin(members, rng)
         self.batch.reset(mask, seeds=seeds)
+        self.steps_made[mask] = 0
+        self.has_begun = True
         self.now = self._read()
 
+    def _of_task(
+        self, what: str, value: Any, shape: tuple[int, ...], because: str
+    ) -> npt.NDArray[np.float64]:
+        """What a method of the task returned, as numbers of this shape. Refuses all else."""
+        task = f"task '{self.task.name or type(self.task).__name__}': {what}"
+        try:
+            array = np.asarray(value)
+        except ValueError as error:
+            raise UsageError(
+                f"{task} returned no array ({error}); return one of shape {shape}, {because}"
+            ) from error
+        if array.dtype.kind not in "biuf":
+            raise UsageError(f"{task} returned an array of dtype {array.dtype}; return real numbers")
+        if array.shape != shape:
+            raise UsageError(
+                f"{task} returned an array of shape {array.shape}; {shape} is expected, {because}"
+            )
+        finite = np.isfinite(array)
+        if not finite.all():
+            first = tuple(int(i) for i in np.argwhere(~finite)[0])
+            at = f"member {first[0]}" + (f", entry {first[1]}" if len(first) > 1 else "")
+            raise UsageError(f"{task} returned {array[first]} for {at}; return finite numbers")
+        return array.astype(np.float64)
+
     def observation(self) -> npt.NDArray[np.float32]:
+        count, width = self.task.count, self.task.observations
+        observed = self._of_task(
+            "observe", self.task.observe(self.now), (count, width), f"(members, Task.observations = {width})"
+        )
         # Means over a step have no value before the first one.
         measured = [np.nan_to_num(self.now.sensors[name], nan=0.0) for name in self.observed]
-        seen = np.hstack([self.task.observe(self.now), *measured])
+        seen = np.hstack([observed, *measured])
         return np.clip(seen, -_LARGEST, _LARGEST).astype(np.float32)
 
-    def advance(self, actions: npt.ArrayLike) -> tuple[npt.NDArray[np.float64], ...]:
+    def advance(
+        self, actions: npt.ArrayLike
+    ) -> tuple[
+        npt.NDArray[np.float64],
+        npt.NDArray[np.bool_],
+        npt.NDArray[np.bool_],
+        npt.NDArray[np.bool_],
+        npt.NDArray[np.bool_],
+    ]:
         """Reward, terminated, truncated, done what was asked, numbers finite: (n,) each."""
-        action = np.clip(np.asarray(actions, dtype=float).reshape(self.task.count, self.task.actions), -1, 1)
+        if not self.has_begun:
+            raise UsageError("step was called before reset; call reset first")
+        given = np.asarray(actions, dtype=float)
+        shape = (self.task.count, self.task.actions)
+        if given.shape != shape and not (shape[0] == 1 and given.shape == shape[1:]):
+            raise UsageError(
+                f"actions have shape {given.shape}; {shape} is expected, (members, Task.actions)"
+            )
+        action = np.clip(given.reshape(shape), -1, 1)
         if not np.isfinite(action).all():
             raise UsageError("actions must be finite")
         before = self.now
         report = self.batch.step(self.task.act(action), steps=self.task.steps)
         self.now = self._read()
-        reward, terminated, success = self.task.judge(before, self.now, action)
+        judged = self.task.judge(before, self.now, action)
+        if not isinstance(judged, tuple) or len(judged) != 3:
+            raise UsageError(
+                f"task '{self.task.name}': judge must return reward, whether done, and whether it has done it"
+            )
+        reward, terminated, success = (
+            self._of_task(f"judge, {what},", value, (self.task.count,), "(members,)")
+            for what, value in zip(("reward", "done", "success"), judged)
+        )
+        self.steps_made += 1
+        truncated = self.now.time > self.limit - 1e-9
+        if self.max_steps is not None:
+            truncated = truncated | (self.steps_made >= self.max_steps)
+        finite = report.finite.astype(bool)
         # A step whose numbers were not finite was undone; nothing is to be learnt from it.
-        terminated = terminated | ~report.finite
-        return reward, terminated, self.now.time > self.limit - 1e-9, success, report.finite
+        return reward, (terminated != 0) | ~finite, truncated, success != 0, finite
+
+    def frames(self) -> tuple[npt.NDArray[np.uint8], ...] | None:
+        """A picture of each member, (height, width, 3); None without a render_mode."""
+        if self.renderer is None:
+            return None
+        return tuple(self.renderer.draw(poses) for poses in self.batch.poses())
+
+    def close(self) -> None:
+        if self.renderer is not None:
+            self.renderer.close()
+        self.renderer = None
 
     def info(self) -> dict[str, npt.NDArray[np.float64]]:
         return self.batch.factors
@@ -142,9 +254,13 @@ class Environment(gymnasium.Env):
         observe: "sensor:NAME" of sensors of the model, whose values come after what the task observes, in the units
             of the file, clipped to ±10; 0 before the first step of means over a step. Raises UsageError for those
             without a value, UnknownNameError for those that there are not.
+        max_episode_steps: steps after which an episode is truncated, beside the task's own seconds.
+        render_mode: "rgb_array": `render` returns a picture by MuJoCo's renderer, for which the package mujoco and OpenGL
+            must be there (`MUJOCO_GL=egl` without a display).
+        picture: its size and camera.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 30}
 
     def __init__(
         self,
@@ -153,10 +269,15 @@ class Environment(gymnasium.Env):
         randomise: Randomise = True,
         model: Any = None,
         observe: Sequence[str] = (),
-        render_mode: None = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        picture: Picture | None = None,
     ) -> None:
         self.render_mode = render_mode
-        self.members = _Members(task, 1, randomise, 1, model, observe)
+        self.members = _Members(
+            task, 1, randomise, 1, model, observe, max_episode_steps, render_mode, picture
+        )
+        self.metadata = self.members.metadata
         self.observation_space = self.members.observation_space
         self.action_space = self.members.action_space
 
@@ -172,6 +293,14 @@ class Environment(gymnasium.Env):
         info = {"success": bool(success[0]), "finite": bool(finite[0])}
         return self.members.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 
+    def render(self) -> Any:
+        """(height, width, 3), RGB; None without a render_mode."""
+        frames = self.members.frames()
+        return None if frames is None else frames[0]
+
+    def close(self) -> None:
+        self.members.close()
+
 
 class VectorEnvironment(gymnasium.vector.VectorEnv):
     """Many members that step as one, on threads; a member that is done starts anew in the step after.
@@ -183,9 +312,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         randomise: as of Environment; drawn for each member.
         model: as of Environment.
         observe: as of Environment.
+        max_episode_steps, render_mode, picture: as of Environment; `render` returns a picture of each member.
     """
 
-    metadata = {"render_modes": [], "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}
+    metadata = {
+        "render_modes": ["rgb_array"],
+        "render_fps": 30,
+        "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -196,45 +330,125 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         threads: int | None = None,
         model: Any = None,
         observe: Sequence[str] = (),
-        render_mode: None = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        picture: Picture | None = None,
     ) -> None:
         self.num_envs = num_envs
         self.render_mode = render_mode
-        self.members = _Members(task, num_envs, randomise, threads, model, observe)
+        self.members = _Members(
+            task, num_envs, randomise, threads, model, observe, max_episode_steps, render_mode, picture
+        )
+        self.metadata = {**self.metadata, **self.members.metadata}
         self.single_observation_space = self.members.observation_space
         self.single_action_space = self.members.action_space
         self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, num_envs)
         self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, num_envs)
         self._ended = np.zeros(num_envs, dtype=bool)
+        self._generators: list[np.random.Generator] | None = None  # of each, where seeds were a list
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        super().reset(seed=seed)
+        """seed: a number for all members together; or a list with one for each, which then does bit by bit, in all its
+        episodes, what an Environment of that seed does, and None for a member that goes on with its own."""
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"], dtype=bool)
-        self.members.begin(mask, self.np_random)
+            if not self.members.has_begun and not mask.all():
+                raise UsageError(
+                    "reset_mask leaves members out that have not begun; call reset for all first"
+                )
+        if isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim > 0):
+            self._generators = _generators_of(seed, self.num_envs, self._generators)
+        else:
+            super().reset(seed=seed)
+            if seed is not None:
+                self._generators = None
+        self.members.begin(mask, self._drawn_by())
         self._ended[mask] = False
         return self.members.observation(), self.members.info()
+
+    def _drawn_by(self) -> Generators:
+        return self.np_random if self._generators is None else self._generators
 
     def step(self, actions: npt.ArrayLike) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         again = self._ended
         reward, terminated, truncated, success, finite = self.members.advance(actions)
         if again.any():
-            self.members.begin(again, self.np_random)
+            self.members.begin(again, self._drawn_by())
             reward, terminated, truncated, success = (
-                np.where(again, 0, a) for a in (reward, terminated, truncated, success)
+                np.where(again, np.zeros_like(a), a) for a in (reward, terminated, truncated, success)
             )
-        terminated, truncated = terminated.astype(bool), truncated.astype(bool)
         self._ended = terminated | truncated
         return (
             self.members.observation(),
             reward,
             terminated,
             truncated,
-            {"success": success.astype(bool), "finite": finite},
+            {"success": success, "finite": finite},
         )
+
+    def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:
+        """(height, width, 3), RGB, of each member; None without a render_mode."""
+        return self.members.frames()
+
+    def close_extras(self, **kwargs: Any) -> None:
+        self.members.close()
+
+
+def _generators_of(
+    seeds: Sequence[int | None] | npt.NDArray[Any], count: int, before: list[np.random.Generator] | None
+) -> list[np.random.Generator]:
+    if len(seeds) != count:
+        raise UsageError(f"seed is a list of {len(seeds)}; give one number or {count}, one for each member")
+    generators = []
+    for i, seed in enumerate(seeds):
+        if seed is None and before is not None:
+            generators.append(before[i])
+            continue
+        if seed is not None and (
+            isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0
+        ):
+            raise UsageError(f"seed has {seed!r} for member {i}; give whole numbers from 0 on, or None")
+        generators.append(gymnasium.utils.seeding.np_random(None if seed is None else int(seed))[0])
+    return generators
+
+
+def sb3(
+    task: type[Task],
+    num_envs: int,
+    *,
+    randomise: Randomise = True,
+    threads: int | None = None,
+    model: Any = None,
+    observe: Sequence[str] = (),
+    max_episode_steps: int | None = None,
+    render_mode: str | None = None,
+    picture: Picture | None = None,
+) -> Any:
+    """A VecEnv of Stable-Baselines3 whose members step as one batch.
+
+        policy = stable_baselines3.PPO("MlpPolicy", fork1s.learn.sb3(fork1s.learn.Quadruped, 64), seed=1)
+
+    A member that is done begins anew in the same step, and its dictionary has the `terminal_observation`. `seed(s)` gives
+    member i the seed s + i at the next reset, by which it does what an Environment of that seed does.
+
+    Args:
+        as of VectorEnvironment.
+
+    Raises:
+        ModuleNotFoundError: without the package stable-baselines3.
+    """
+    members = _Members(
+        task, num_envs, randomise, threads, model, observe, max_episode_steps, render_mode, picture
+    )
+    return adapter_class()(
+        members, render_mode, lambda seeds, before: _generators_of(seeds, num_envs, before)
+    )
 
 
 for _task in TASKS:

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from . import _core
 from ._errors import UsageError
 from ._load import load
 from ._mujoco_objects import needed
 
-mujoco = needed()
+if TYPE_CHECKING:
+    import mujoco
+else:
+    mujoco = needed()
+
+Array = npt.NDArray[np.float64]
 
 
 class StepperWarning(UserWarning):
@@ -65,15 +71,16 @@ class Stepper:
         self.report: _core.StepReport | None = None
         self._map_joints()
         self._map_inputs()
-        self._written: tuple[np.ndarray, np.ndarray, float] | None = None
+        self._written: tuple[Array, Array, float] | None = None
 
     def _name(self, kind: mujoco.mjtObj, word: str, index: int) -> str:
         # The importer names what has no name in the same way.
-        return mujoco.mj_id2name(self._mj, kind, index) or f"{word}{index}"
+        return str(mujoco.mj_id2name(self._mj, kind, index) or f"{word}{index}")
 
     def _map_joints(self) -> None:
         mj, ours = self._mj, self.simulation.joints
-        qpos, qvel = [], []
+        qpos: list[int] = []
+        qvel: list[int] = []
         for joint in range(mj.njnt):
             name = self._name(mujoco.mjtObj.mjOBJ_JOINT, "joint", joint)
             if name not in ours:
@@ -110,7 +117,7 @@ class Stepper:
     def _take_state(self, data: mujoco.MjData) -> None:
         """The simulation begins anew where `data` is."""
         sim = self.simulation
-        poses: dict[str, np.ndarray] = {}
+        poses: dict[str, Array] = {}
         velocities = {}
         for name, mocap, _ in self._mocap:
             poses[name] = np.concatenate([data.mocap_pos[mocap], data.mocap_quat[mocap]])

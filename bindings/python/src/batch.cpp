@@ -17,10 +17,12 @@ constexpr int kAtATime = 4;
 
 // A member takes memory for contacts as it meets them: reserving it for the most that a member may ever have
 // would be the larger part of a batch.
-SimulationOptions MemberOptions(const Model& model, const RunOptions& given) {
-  SimulationOptions options = OptionsOf(model, given);
+SimulationOptions WithoutReserve(SimulationOptions options) {
   options.reserved_contacts = 0;
   return options;
+}
+SimulationOptions MemberOptions(const Model& model, const RunOptions& given) {
+  return WithoutReserve(OptionsOf(model, given));
 }
 
 void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors& factors) {
@@ -67,8 +69,8 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
       count_(count),
       threads_(threads),
       has_seeds_(!differences.seeds.empty()),
-      starts_(Take(Starts::Create(model_->scene(), MemberOptions(*model_, options), differences.ranges.start),
-                   model_->origin())),
+      options_(MemberOptions(*model_, options)),
+      starts_(Take(Starts::Create(model_->scene(), options_, differences.ranges.start), model_->origin())),
       ranges_(differences.ranges),
       seeds_(differences.seeds),
       times_(differences.seeds.size(), 0),
@@ -80,6 +82,10 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
     if (!seeds_.empty()) drawn_[i] = Draw(ranges_, seeds_[i]);
     TakeGiven(differences, i, drawn_[i].factors);
   }
+  Begin(gil);
+}
+
+void Batch::Begin(ReleasedGil& gil) {
   std::vector<std::optional<Expected<Simulation>>> made(drawn_.size());
   MakeOnThreads(gil, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
@@ -89,6 +95,41 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
   simulations_.reserve(made.size());
   for (auto& m : made) simulations_.push_back(Take(std::move(*m), model_->origin()));
   control_names_ = simulations_.front().control_names();
+}
+
+Batch::Batch(std::shared_ptr<const Model> model, Content content)
+    : model_(std::move(model)),
+      count_(static_cast<int>(content.drawn.size())),
+      threads_(content.threads),
+      has_seeds_(!content.seeds.empty()),
+      options_(WithoutReserve(content.simulations.options)),
+      starts_(Take(Starts::Create(model_->scene(), options_, content.ranges.start), model_->origin())),
+      ranges_(std::move(content.ranges)),
+      seeds_(std::move(content.seeds)),
+      times_(std::move(content.times)),
+      drawn_(std::move(content.drawn)),
+      sensors_(drawn_.size()) {
+  ReleasedGil gil;
+  Begin(gil);
+  for (std::size_t i = 0; i < simulations_.size(); ++i) {
+    Simulation::Snapshot& moment = content.simulations.snapshots[i];
+    Take(CompleteSnapshot(simulations_[i], "pickle of Batch", moment));
+    Take(simulations_[i].Restore(moment), model_->origin());
+  }
+}
+
+Batch::Content Batch::GetContent() const {
+  Content content;
+  ReleasedGil gil;
+  WithCallMutex(mutex_, "Batch", [&] {
+    content = {{options_, {}}, threads_, ranges_, seeds_, times_, drawn_};
+    for (const Simulation& simulation : simulations_) {
+      content.simulations.snapshots.push_back(simulation.Save());
+      // Members have the detail that they began with, so the scene is the one that is drawn again.
+      content.simulations.snapshots.back().made_of.reset();
+    }
+  });
+  return content;
 }
 
 BatchReport Batch::Step(const double* controls, int steps, bool move) {

@@ -42,6 +42,18 @@ class Batch {
   Batch(std::shared_ptr<const Model> model, int count, MemberDifferences differences,
         const RunOptions& options, int threads);
 
+  /// All that a batch goes on from.
+  struct Content {
+    BatchContent simulations;
+    int threads = 0;
+    Randomisation ranges;
+    std::vector<std::uint64_t> seeds, times;
+    std::vector<Drawn> drawn;
+  };
+  Content GetContent() const;
+  /// Goes on from there with the same bits. Throws Refused.
+  Batch(std::shared_ptr<const Model> model, Content content);
+
   int size() const { return count_; }
   int threads() const { return threads_; }
   const std::shared_ptr<const Model>& model() const { return model_; }
@@ -65,6 +77,8 @@ class Batch {
   SensorValues ReadSensors();
 
  private:
+  /// Makes the members, each by what was drawn.
+  void Begin(ReleasedGil& gil);
   void ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask, const MemberDifferences& differences);
   // Calls work(i) of every member on threads until it returns true: it ends early, at a whole step, where a
   // pause is due. False after an interruption, which leaves members out.
@@ -75,6 +89,7 @@ class Batch {
   const std::shared_ptr<const Model> model_;
   const int count_, threads_;
   const bool has_seeds_;
+  const SimulationOptions options_;  // of each, before starts are drawn
   Starts starts_;
   const Randomisation ranges_;
   // Below: with mutex_ held.

@@ -23,5 +23,7 @@ void BindCompare(nanobind::module_& m);
 void BindRecording(nanobind::module_& m);
 void BindShow(nanobind::module_& m);
 void BindStatics(nanobind::module_& m);
+/// After all classes that have pickles.
+void BindPickles(nanobind::module_& m);
 
 }  // namespace fork1s::python

@@ -21,6 +21,7 @@ namespace fork1s::python {
 namespace {
 
 using Gains = std::pair<double, double>;
+using Options = nb::typed<nb::dict, nb::str, nb::any>;
 
 template <class T, std::size_t count>
 std::optional<T> Word(const std::pair<T, const char*> (&names)[count], const std::optional<std::string>& word,
@@ -40,7 +41,7 @@ PdGains Read(const Gains& gains) {
 }
 
 // The options of the importer as keyword arguments, filled by fork1s.load.
-ImportOptions ReadOptions(const nb::dict& given) {
+ImportOptions ReadOptions(const Options& given) {
   ImportOptions options;
   const auto get = [&](const char* name) { return nb::object(given[name]); };
   const auto text = [&](const char* name) {
@@ -78,7 +79,7 @@ ImportOptions ReadOptions(const nb::dict& given) {
 void BindLoad(nb::module_& m) {
   m.def(
       "load_file",
-      [](const std::string& path, const nb::dict& given) {
+      [](const std::string& path, const Options& given) {
         const ImportOptions options = ReadOptions(given);
         const ReleasedGil others_run;
         return Model::Create(LoadMechanism(path, options), path, options);
@@ -86,7 +87,7 @@ void BindLoad(nb::module_& m) {
       nb::arg("path"), nb::arg("options"));
   m.def(
       "load_file_in_child",
-      [](const std::string& path, const nb::dict& given, const std::string& program, const Real& read_time) {
+      [](const std::string& path, const Options& given, const std::string& program, const Real& read_time) {
         const ImportOptions options = ReadOptions(given);
         const ChildReader reader{program, read_time.Read("read_time"), "read_time"};
         if (!(reader.max_time > 0)) throw Refused{{ErrorCode::kUsage, "read_time", "must be above 0 s"}};
@@ -99,7 +100,7 @@ void BindLoad(nb::module_& m) {
       nb::arg("path"), nb::arg("options"), nb::arg("program"), nb::arg("read_time"));
   m.def(
       "load_text",
-      [](const std::string& text, const std::string& name, const nb::dict& given) {
+      [](const std::string& text, const std::string& name, const Options& given) {
         const ImportOptions options = ReadOptions(given);
         const ReleasedGil others_run;
         return Model::Create(LoadMechanismFromString(text, name, options), name, std::nullopt);
@@ -109,7 +110,7 @@ void BindLoad(nb::module_& m) {
   // model has no plugins: _load.py reads all others as text.
   m.def(
       "load_mujoco",
-      [](std::uintptr_t address, const std::string& name, const nb::dict& given) {
+      [](std::uintptr_t address, const std::string& name, const Options& given) {
         const ImportOptions options = ReadOptions(given);
         return Model::Create(LoadMujocoModel(*reinterpret_cast<const mjModel_*>(address), name, options),
                              name, std::nullopt);

@@ -79,7 +79,7 @@ void BindStepReport(nb::module_& m) {
       .def_ro("refreshes", &StepsReport::refreshes, "Times that the reduced model was taken anew.")
       .def_prop_ro(
           "refreshes_by_cause",
-          [](const StepsReport& r) {
+          [](const StepsReport& r) -> nb::typed<nb::dict, nb::str, nb::typed<nb::dict, nb::str, nb::any>> {
             nb::dict out;
             for (std::size_t i = 0; i < r.refreshes_by_cause.size(); ++i) {
               const RelinearizationTotal& total = r.refreshes_by_cause[i];

@@ -176,7 +176,7 @@ void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, co
   runner.SetState(state);
 }
 
-nb::dict JointsOf(const Runner& runner) {
+nb::typed<nb::dict, nb::str, nb::typed<nb::dict, nb::str, nb::any>> JointsOf(const Runner& runner) {
   constexpr const char* kKinds[] = {"free", "ball", "slide", "hinge"};
   nb::dict all;
   int position = 0, velocity = 0;
@@ -308,8 +308,7 @@ void BindState(nb::class_<Runner>& simulation) {
       "joints", JointsOf,
       "Joints of the file that move here, in its order: name -> 'kind' ('hinge', 'slide', "
       "'ball', 'free') and the slices of its numbers in 'qpos' and 'qvel'. A base that floats "
-      "without a joint in the file (URDF) has one of the name of its body.",
-      nb::sig("def joints(self) -> dict[str, dict[str, Any]]"));
+      "without a joint in the file (URDF) has one of the name of its body.");
   simulation.def_prop_ro(
       "state_change", [](Runner& r) { return r.StateChange(); },
       "Largest difference, rad or m, between a joint coordinate as it was set last (`qpos`, `set_state`) and "

@@ -24,4 +24,5 @@ NB_MODULE(_core, m) {
   BindCompare(m);
   BindRecording(m);
   BindShow(m);
+  BindPickles(m);
 }

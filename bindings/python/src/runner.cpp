@@ -63,6 +63,30 @@ Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options, bo
   if (estimates_error) error_.emplace();
 }
 
+Runner::Runner(std::shared_ptr<const Model> model, Content content)
+    : model_(std::move(model)),
+      actuators_(std::move(content.simulation.actuators)),
+      simulation_(Take(Simulation::Create(std::move(content.simulation.scene), content.simulation.options),
+                       model_->origin())),
+      pushes_(std::move(content.pushes)),
+      time_before_(content.time_before),
+      state_change_(content.state_change) {
+  Take(simulation_.Restore(content.simulation.snapshot), model_->origin());
+  if (!content.estimates_error) return;
+  error_.emplace();
+  if (simulation_.steps() > 0) error_->Reset("where the simulation was copied");
+}
+
+Runner::Content Runner::GetContent() {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  return {{simulation_.scene(), simulation_.options(), actuators_, simulation_.Save()},
+          time_before_,
+          state_change_,
+          pushes_,
+          error_.has_value()};
+}
+
 StepsReport Runner::Step(int steps, bool move) {
   ReleasedGil others_run;
   StepsReport report;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "model.hpp"
+#include "record/simulation_bytes.hpp"
 #include "released_gil.hpp"
 #include "sensor_values.hpp"
 #include "sim/error_figure.hpp"
@@ -77,6 +78,17 @@ class Runner {
   /// estimates_error: simulations of shorter steps go beside this one, for ErrorFigureSoFar.
   Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error = false);
   ~Runner() { DropRecordingOfParent(); }
+
+  /// All that a simulation goes on from, but for its recording and the simulations that estimate its errors.
+  struct Content {
+    SimulationContent simulation;
+    double time_before = 0, state_change = 0;  // s; rad or m
+    std::vector<Push> pushes;
+    bool estimates_error = false;
+  };
+  Content GetContent();
+  /// Goes on from there with the same bits. The error figure begins anew, and says so. Throws Refused.
+  Runner(std::shared_ptr<const Model> model, Content content);
 
   const std::shared_ptr<const Model>& model() const { return model_; }
   /// Pushes act through all of these steps. Throws nb::python_error within 0.1 s, or one step if that is

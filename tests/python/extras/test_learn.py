@@ -26,7 +26,7 @@ def test_gymnasiums_checker(name):
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make(name).unwrapped)
+        check_env(gymnasium.make(name).unwrapped, skip_render_check=True)  # test_learn_render.py
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -228,3 +228,114 @@ def test_sensors_that_cannot_be_observed_are_refused():
         learn.Environment(Hold, observe=["gyro"], **make)
     with pytest.raises(fork1s.UsageError, match="give a list"):
         learn.Environment(Hold, observe="sensor:gyro", **make)
+
+
+def test_step_before_reset_is_refused():
+    for env in (
+        learn.Environment(Hold, randomise=False, model=LEVER),
+        learn.VectorEnvironment(2, Hold, randomise=False, model=LEVER),
+    ):
+        with pytest.raises(fork1s.UsageError, match="step was called before reset; call reset first"):
+            env.step(np.zeros(env.action_space.shape))
+        env.reset()
+        env.step(np.zeros(env.action_space.shape))
+    many = learn.VectorEnvironment(2, Hold, randomise=False, model=LEVER)
+    with pytest.raises(fork1s.UsageError, match="members out that have not begun"):
+        many.reset(options={"reset_mask": np.array([True, False])})
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_members_with_seeds_of_their_own_do_what_each_does_alone(name):
+    seeds = [3, 8, 3]
+    many = gymnasium.make_vec(name, num_envs=3, max_episode_steps=6)
+    ones = [gymnasium.make(name, max_episode_steps=6).unwrapped for _ in seeds]
+    for one in ones:
+        one.members.max_steps = 6  # gymnasium.make counts in a wrapper
+    all_seen, all_info = many.reset(seed=seeds)
+    for i, (one, seed) in enumerate(zip(ones, seeds)):
+        seen, info = one.reset(seed=seed)
+        assert_array_equal(all_seen[i], seen)
+        assert all(all_info[factor][i] == info[factor] for factor in info)
+    assert all_info["mass"][0] == all_info["mass"][2] != all_info["mass"][1]
+    rng = np.random.default_rng(2)
+    for step in range(14):  # two episodes, each drawn by the member's own generator
+        action = rng.uniform(-1, 1, ones[0].action_space.shape)
+        begins = step in (6, 13)
+        all_seen, rewards, _, all_truncated, _ = many.step(np.tile(action, (3, 1)))
+        for i, one in enumerate(ones):
+            if begins:
+                seen, _ = one.reset()
+                assert rewards[i] == 0 and not all_truncated[i]
+            else:
+                seen, reward, _, truncated, _ = one.step(action)
+                assert rewards[i] == reward and all_truncated[i] == truncated == (step in (5, 12))
+            assert_array_equal(all_seen[i], seen)
+
+
+def test_seeds_that_make_no_sense_are_refused():
+    many = learn.VectorEnvironment(2, Hold, model=LEVER)
+    with pytest.raises(fork1s.UsageError, match="seed is a list of 3; give one number or 2"):
+        many.reset(seed=[1, 2, 3])
+    for bad in (-1, 1.5, "a", True):
+        with pytest.raises(fork1s.UsageError, match="for member 1; give whole numbers from 0 on, or None"):
+            many.reset(seed=[1, bad])
+    _, first = many.reset(seed=[4, None])
+    _, second = many.reset(seed=np.array([4, 5]))
+    assert first["mass"][0] == second["mass"][0]
+
+
+@pytest.mark.parametrize("steps", [0, -1, 1.5, True, "3"])
+def test_max_episode_steps_is_a_whole_number(steps):
+    with pytest.raises(fork1s.UsageError, match="max_episode_steps is .*; give a whole number from 1 on"):
+        learn.VectorEnvironment(2, Hold, model=LEVER, max_episode_steps=steps)
+
+
+def returning(**methods):
+    """A task whose methods return what is given for them."""
+    return type(
+        "Wrong",
+        (Hold,),
+        {"name": "Wrong", **{name: (lambda self, *_, v=v: v) for name, v in methods.items()}},
+    )
+
+
+@pytest.mark.parametrize(
+    "methods, what",
+    [
+        (
+            {"observe": np.zeros((2, 3))},
+            r"observe returned an array of shape \(2, 3\); \(2, 1\) is expected, .*observations = 1",
+        ),
+        ({"observe": np.zeros(2)}, r"observe returned an array of shape \(2,\); \(2, 1\) is expected"),
+        (
+            {"observe": np.array([["a"], ["b"]])},
+            "observe returned an array of dtype <U1; return real numbers",
+        ),
+        ({"observe": np.zeros((2, 1), dtype=complex)}, "observe returned an array of dtype complex128"),
+        ({"observe": None}, "observe returned an array of dtype object"),
+        ({"observe": [[1.0], [1.0, 2.0]]}, "observe returned no array"),
+        (
+            {"observe": np.array([[0.0], [np.nan]])},
+            "observe returned nan for member 1, entry 0; return finite numbers",
+        ),
+    ],
+)
+def test_wrong_observations_are_told_with_the_task(methods, what):
+    many = learn.VectorEnvironment(2, returning(**methods), randomise=False, model=LEVER)
+    with pytest.raises(fork1s.UsageError, match=f"task 'Wrong': {what}"):
+        many.reset(seed=1)
+
+
+def test_wrong_rewards_are_told_with_the_task():
+    for judged, what in (
+        (
+            (np.zeros(3), np.zeros(2), np.zeros(2)),
+            r"judge, reward, returned an array of shape \(3,\); \(2,\) is expected",
+        ),
+        ((np.full(2, np.inf), np.zeros(2), np.zeros(2)), "judge, reward, returned inf for member 0; "),
+        (np.zeros(2), "judge must return reward, whether done"),
+    ):
+        many = learn.VectorEnvironment(2, returning(judge=judged), randomise=False, model=LEVER)
+        many.reset(seed=1)
+        with pytest.raises(fork1s.UsageError, match=what):
+            many.step(np.zeros((2, 1)))
