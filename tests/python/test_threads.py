@@ -80,8 +80,8 @@ def or_refused(call):
     def guarded():
         try:
             return call()
-        except fork1s.Error:
-            pass  # as while another thread records
+        except (fork1s.Error, ModuleNotFoundError):
+            pass  # as while another thread records, or without SciPy
     return guarded
 
 def recorded(call):
