@@ -340,11 +340,11 @@ class _Writer:
                 path = stripped
             element.set("file", os.path.relpath(path, folder))
         for element in root.iter("mesh"):
-            path = self._files.get(element.get("name", ""))
-            if path is not None:
+            piece = self._files.get(element.get("name", ""))
+            if piece is not None:
                 for key in ("vertex", "face"):
                     element.attrib.pop(key, None)
-                element.set("file", os.path.relpath(path, folder))
+                element.set("file", os.path.relpath(piece, folder))
         text = _mujoco_objects._without_folders(root)
         ElementTree.indent(root)
         text = ElementTree.tostring(root, encoding="unicode")
