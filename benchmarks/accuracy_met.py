@@ -23,7 +23,7 @@ import fork1s
 
 PARTS = 32  # steps of the truth within one of the setting
 SECONDS = 1.2
-# Of the accuracy asked for, in mm or percent of the motion: what the truth may be off by itself.
+# Accuracies that are drawn from, in mm or in percent of the motion.
 ASKED = ["0.2mm", "1mm", "5mm", "0.5%", "2%"]
 
 

@@ -53,8 +53,8 @@ std::optional<std::size_t> WholeStepOf(const std::vector<AccuracyTrial>& trials)
 // Impacts are of first order in time, smooth motion of second, and what parts exponentially of none.
 void SetHalfStep(const AccuracyTrial& half, AccuracyTrial& trial) {
   trial.apart = half.finite ? 0 : std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; half.finite && i < std::min(half.places.size(), trial.places.size()); ++i)
-    trial.apart = std::max(trial.apart, (half.places[i] - trial.places[i]).norm());
+  for (std::size_t i = 0; half.finite && i < std::min(half.positions.size(), trial.positions.size()); ++i)
+    trial.apart = std::max(trial.apart, (half.positions[i] - trial.positions[i]).norm());
   const double fell = trial.error.total / half.error.total;
   trial.order = fell > 1 ? std::clamp(std::log2(fell), kLeastOrder, kMostOrder)
                          : (half.error.total > 0 ? kLeastOrder : kMostOrder);

@@ -28,8 +28,8 @@ struct AccuracyTrial {
   bool exact = true;              // recovery
   bool finite = true;
   /// m, of all bodies, at the whole steps of the first setting.
-  std::vector<Vector3> places;
-  /// m, the largest distance between these places and those by half the step, where that was asked, and the order by
+  std::vector<Vector3> positions;
+  /// m, the largest distance between these positions and those by half the step, where that was asked, and the order by
   /// which the estimate fell there, between 1/2 and 2.
   double apart = 0, order = 2;
   double wall = 0;     // s

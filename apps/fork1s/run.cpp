@@ -56,14 +56,13 @@ Expected<Simulation> Prepare(const RunArguments& args, ImportedScene& imported, 
   return simulation;
 }
 
-void KeepPlaces(const Simulation& simulation, std::vector<Vector3>& places) {
+void AppendPositions(const Simulation& simulation, std::vector<Vector3>& positions) {
   std::vector<RigidTransform> poses;
   simulation.Poses(poses);
-  for (const RigidTransform& X : poses) places.push_back(X.translation());
+  for (const RigidTransform& X : poses) positions.push_back(X.translation());
 }
 
-// The run with one setting, for its error alone.
-// `every` [s]: places are kept at its multiples.
+// The run with one setting, for its error alone. `every` [s]: positions are kept at its multiples.
 Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported, const RunInputs& inputs,
                                const AccuracySetting& setting, double every) {
   const auto start = std::chrono::steady_clock::now();
@@ -97,7 +96,7 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
     const StepReport report = simulation->Step();
     trial.finite = report.finite;
     if (trial.finite) figure.EndStep(*simulation, report);
-    if ((i + 1) % steps_apart == 0) KeepPlaces(*simulation, trial.places);
+    if ((i + 1) % steps_apart == 0) AppendPositions(*simulation, trial.positions);
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
   }
   trial.error = figure.largest();

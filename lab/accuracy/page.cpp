@@ -420,8 +420,8 @@ frames within [0.5, 3] overall, eight of ten of each family, and no more than 2 
 
 )" + ErrorFamiliesMarkdown(r.families) +
          R"(
-Where nothing touches every frame is within the wish, and so are overall and each family; what is told below half is 2 to 4 % of the frames, all of grasps and landings, by the seeds drawn
-(`--first 3001 --seeds 80`: 4.1 %). There fingers slip or land at another time by every step that was tried, and a step and a quarter of it err alike. Of what slides no error counts: by two
+Where nothing touches every frame is within the wish, and overall nine of ten are. Landings of floating mechanisms miss theirs: 77.1 % of the frames of 160 motions (`--family landings --first 1001 --seeds 160`), 22.2 % told
+below half, by the seeds 71 to 97 %. Of all frames 4 % are told below half (`--first 3001 --seeds 80`: 3.8 %), all of grasps and landings. There fingers slip or land at another time by every step that was tried, and a step and a quarter of it err alike. Of what slides no error counts: by two
 stages it is below 0.02 % of the motion until it stops, and so is what is told.
 `--worst FILE.csv` lists the worst frame of each body with its seed.
 )";

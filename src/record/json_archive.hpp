@@ -261,4 +261,22 @@ class JsonReader {
   const ModelText& tables_;
 };
 
+/// indent: as of nlohmann::json::dump.
+template <class T>
+ModelText Encoded(const T& value, int indent = -1) {
+  ModelText text;
+  JsonWriter writer(text);
+  text.json = writer.Encode(value).dump(indent);
+  return text;
+}
+
+/// What Encoded made. Throws std::exception where it is damaged.
+template <class T>
+T Decoded(const ModelText& text) {
+  const Json root = Json::parse(text.json);
+  T value;
+  JsonReader(root, text).Decode(root, value, JsonPath{});
+  return value;
+}
+
 }  // namespace fork1s::internal

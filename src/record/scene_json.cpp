@@ -145,19 +145,13 @@ namespace {
 
 template <class T>
 ModelText Write(const T& value) {
-  ModelText text;
-  JsonWriter writer(text);
-  text.json = writer.Encode(value).dump(1);
-  return text;
+  return Encoded(value, 1);
 }
 
 template <class T>
 Expected<T> Read(const ModelText& text, const std::string& where) {
   try {
-    const Json root = Json::parse(text.json);
-    T value;
-    JsonReader(root, text).Decode(root, value, JsonPath{});
-    return value;
+    return Decoded<T>(text);
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& e) {

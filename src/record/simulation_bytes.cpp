@@ -348,9 +348,7 @@ class ByteReader {
 
 template <class T>
 std::string ToBytes(const T& value) {
-  ModelText text;
-  JsonWriter writer(text);
-  text.json = writer.Encode(value).dump();
+  const ModelText text = Encoded(value);
   ByteWriter out;
   out.PutAll(text.json);
   out.Put(static_cast<std::uint64_t>(text.meshes.size()));
@@ -425,11 +423,7 @@ ModelText UnpackText(const std::string& bytes) {
 template <class T>
 Expected<T> FromBytes(const std::string& bytes, const std::string& where) {
   try {
-    const ModelText text = UnpackText(bytes);
-    const Json root = Json::parse(text.json);
-    T value;
-    JsonReader(root, text).Decode(root, value, JsonPath{});
-    return value;
+    return Decoded<T>(UnpackText(bytes));
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& e) {
