@@ -84,8 +84,10 @@ def fit_stiffness(
     """
     try:
         from scipy.optimize import least_squares
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError("fit_stiffness needs scipy: pip install 'fork1s[sweep]'") from None
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            "fit_stiffness needs scipy: pip install 'fork1s[sweep]'", name=error.name
+        ) from None
     wanted = _wanted(model, target)
     now = model.stiffnesses
     names = [n for n, k in now.items() if k > 0] if joints is None else list(joints)

@@ -39,9 +39,10 @@ def needed() -> Any:
     """The package mujoco, for what cannot do without it."""
     try:
         import mujoco
-    except ModuleNotFoundError:
+    except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            "this needs the package mujoco, of any version from 3.2 on: pip install 'fork1s[mujoco]'"
+            "this needs the package mujoco, of any version from 3.2 on: pip install 'fork1s[mujoco]'",
+            name=error.name,
         ) from None
     except (ImportError, OSError) as error:
         raise ImportError(

@@ -141,7 +141,8 @@ def adapter_class() -> type[Adapter]:
         from stable_baselines3.common.vec_env import VecEnv
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"fork1s.learn.sb3 needs stable-baselines3 ({error}): pip install stable-baselines3"
+            f"fork1s.learn.sb3 needs stable-baselines3 ({error}): pip install stable-baselines3",
+            name=error.name,
         ) from None
     made: type[Adapter] = type(VecEnv)("BatchVecEnv", (Adapter, VecEnv), {"__doc__": Adapter.__doc__})
     return made

@@ -120,7 +120,9 @@ def _need(*modules: str) -> None:
         except ModuleNotFoundError:
             missing.append(module)
     if missing:
-        raise ModuleNotFoundError(f"fork1s.sweep needs {' and '.join(missing)}: pip install 'fork1s[sweep]'")
+        raise ModuleNotFoundError(
+            f"fork1s.sweep needs {' and '.join(missing)}: pip install 'fork1s[sweep]'", name=missing[0]
+        )
 
 
 def _plain(value: Any, name: str) -> Any:

@@ -18,8 +18,10 @@ import numpy.typing as npt
 
 try:
     import gymnasium
-except ModuleNotFoundError:
-    raise ModuleNotFoundError("fork1s.learn needs gymnasium: pip install 'fork1s[learn]'") from None
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(
+        "fork1s.learn needs gymnasium: pip install 'fork1s[learn]'", name=error.name
+    ) from None
 
 from ._core import Batch
 from ._errors import UsageError
