@@ -17,7 +17,7 @@
 // A driven base follows a path with a rate that is quadratic in time and continuous from step to step
 // (base_path.hpp). A stage takes the rate at its end. As everything else does, the base moves by that rate
 // from the base point of the stage, so that what rests on it keeps its gap: its first pose is off by O(h²),
-// the last is that of the input. Steps of backward Euler alone go by the mean rate: what sticks to the base moves by h
+// the last is that of the input. Steps and parts of backward Euler go by the mean rate: what sticks to the base moves by h
 // times the rate of their end. Where the rate jumps, the joints feel an impulse at the start of the step: M
 // (w' - w) = M_0zᵀ (V_last - V).
 #include <algorithm>

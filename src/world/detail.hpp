@@ -25,6 +25,7 @@ namespace fork1s {
 struct World::Detail {
   void Save(WorldState& out) const;
   void Restore(const WorldState& state);
+  void RestoreContacts(const WorldState& state);
   bool IsFinite(bool poses);
   StepSubject FindNotFinite() const;
   StepReport UndoStep(WorldState& start, StepReport report);
@@ -89,6 +90,7 @@ struct World::Detail {
     std::array<Level, kMaxHalvings + 1> levels;
     int depth = 0;      // halvings of the step at hand
     WorldState before;  // of the step at hand
+    ForeseenImpact foreseen;
   };
   Halving halving_;
   const WorldState* step_start_ = nullptr;  // of `halving_`, where the last step began

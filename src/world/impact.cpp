@@ -20,13 +20,15 @@ void Approaches::SetSpeeds(const StepOptions& step) {
   carried_speed = std::max(step.gravity.norm() * step.h / 8, impact_speed);
 }
 
-StepSubject FindClosingAtSpeed(const ImpactView& at, double h) {
+ForeseenImpact FindClosingAtSpeed(const ImpactView& at) {
+  ForeseenImpact first;
   for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
     const ContactPoint& p = at.detection.points[i];
     const double closing = at.approaches.closing[i];
-    if (!at.Bore(i) && closing > at.approaches.SpeedOfImpact(p) && p.gap < h * closing) return ContactOf(p);
+    if (p.gap < first.time * closing && closing > at.approaches.SpeedOfImpact(p) && !at.Bore(i))
+      first = {ContactOf(p), p.gap / closing};
   }
-  return {};
+  return first;
 }
 
 StepSubject FindMetAtSpeed(const ImpactView& at, double h) {

@@ -1,6 +1,8 @@
 // What an impact is: contacts and stops that are met at speed.
 #pragma once
 
+#include <limits>
+
 #include "contact_history.hpp"
 #include "rows.hpp"
 
@@ -34,11 +36,15 @@ struct ImpactView {
   /// Whether a contact bore a load in the last step.
   bool Bore(std::size_t contact) const { return history.CarriedAtRest(contact, approaches.carried_speed); }
 };
+/// The contact that bore nothing yet and would close first at the speed of an impact, if all went on.
+struct ForeseenImpact {
+  StepSubject of;
+  double time = std::numeric_limits<double>::infinity();  // s, from the start of the step
+};
+ForeseenImpact FindClosingAtSpeed(const ImpactView& at);
 // Each gives the first that it finds, kNone if there is none.
-/// A contact that bore nothing yet and would close within the step at the speed of an impact, if all went on.
-StepSubject FindClosingAtSpeed(const ImpactView& at, double h);
-/// The same of what the step has brought together, and of stops of joints and tendons: at that speed from the
-/// start, or from so far that it took that speed.
+/// What the step has brought together at the speed of an impact: from the start, or from so far that it took that
+/// speed; contacts, stops of joints and tendons.
 StepSubject FindMetAtSpeed(const ImpactView& at, double h);
 /// What the first stage stopped and parts again in the second.
 StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops);

@@ -30,10 +30,14 @@ void World::Detail::Restore(const WorldState& state) {
   }
   for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
     bodies_.free_bodies[i].Restore(state.free_bodies[i]);
+  newton_.contraction = state.contraction;
+  RestoreContacts(state);
+}
+
+void World::Detail::RestoreContacts(const WorldState& state) {
   contacts_ = state.contacts;
   contacts_h_ = state.contacts_h;
   detection_.poses = state.contactor_poses;
-  newton_.contraction = state.contraction;
 }
 
 void World::Save(WorldState& out) const { detail_->Save(out); }

@@ -35,6 +35,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   const double b = stage_.is_backward_euler ? h : kStageShare * h;
   if (halving_.depth == 0) {
     approaches_.SetSpeeds(options);
+    halving_.foreseen = {};
     sums_.Clear(bodies_.mechanisms.size());
   }
   halving_.levels[static_cast<std::size_t>(halving_.depth)].sums = sums_;
@@ -43,18 +44,22 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   // Of backward Euler those of the last step, which were found where it ended.
   if (halving_.depth == 0 && stage_.is_backward_euler) start_points_ = detection_.points;
   if (!stage_.is_backward_euler) {
-    PrepareContacts(options, report);
-    if (halving_.depth == 0) start_points_ = detection_.points;
-    history_.RecordStartGaps(detection_.points, approaches_.carried_speed);
-    report.halving_of = FindClosingAtSpeed(Impacts(), h);
-    if (report.halving_of.kind != StepSubject::Kind::kNone)
+    // The first part of a step that was halved starts with what the whole foresaw.
+    if (!(halving_.foreseen.time < h)) {
+      PrepareContacts(options, report);
+      if (halving_.depth == 0) start_points_ = detection_.points;
+      history_.RecordStartGaps(detection_.points, approaches_.carried_speed);
+      halving_.foreseen = FindClosingAtSpeed(Impacts());
+    }
+    if (halving_.foreseen.time < h) {
+      report.halving_of = halving_.foreseen.of;
       return HalveOrUndo(options, HalvingCause::kImpact, report);
+    }
   }
   {
     const PartClock clock(times_, &StepPartTimes::moving);
     bodies_.ForMechanisms([&](std::size_t i) {
-      fork1s::BeginStep(bodies_.mechanisms[i], h, b, options.integrator == Integrator::kEuler,
-                        options.gravity);
+      fork1s::BeginStep(bodies_.mechanisms[i], h, b, stage_.is_backward_euler, options.gravity);
     });
     for (FreeBody& body : bodies_.free_bodies) body.BeginStep(b, options.gravity);
     RecordStageStart(true);
@@ -308,7 +313,10 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   whole.start = halving_.before;
   if (halving_.depth == 0) step_start_ = &whole.start;
   sums_ = whole.sums;
-  Restore(whole.start);
+  if (attempt.stages > 0)
+    Restore(whole.start);
+  else
+    RestoreContacts(whole.start);
   StepOptions half = options;
   half.h = 0.5 * options.h;
   half.refresh = false;
@@ -316,6 +324,7 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   report.impact = cause == HalvingCause::kImpact;
   for (int k = 0; k < 2; ++k) {
     SetInputsOfPart(whole.start, options.h, 0.5 * k, 0.5 * (k + 1));
+    if (k > 0) halving_.foreseen = {};
     ++halving_.depth;
     const StepReport part = StepByStages(half);
     --halving_.depth;

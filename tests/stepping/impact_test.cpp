@@ -74,21 +74,29 @@ TEST(Impact, SpeedIsTheDepthOfTheMaterialInAStep) {
   EXPECT_DOUBLE_EQ(c.approaches.carried_speed, 1e-3);
 }
 
-TEST(Impact, ClosesWithinTheStepAtTheSpeedOfAnImpact) {
+TEST(Impact, ForeseenIsTheFirstThatClosesAtTheSpeedOfAnImpact) {
   OneContact c;
   for (const double speed : {0.99e-3, 1.01e-3}) {
     c.approaches.closing = {speed};
-    EXPECT_EQ(Found(FindClosingAtSpeed(c.At(), c.h)), speed > 1e-3) << speed;
+    EXPECT_EQ(Found(FindClosingAtSpeed(c.At()).of), speed > 1e-3) << speed;
   }
-  c.approaches.closing = {1};
-  for (const double gap : {0.99e-2, 1.01e-2}) {
+  c.approaches.closing = {2};
+  for (const double gap : {-1e-3, 1e-2}) {
     c.detection.points[0].gap = gap;
-    EXPECT_EQ(Found(FindClosingAtSpeed(c.At(), c.h)), gap < 1e-2) << gap;
+    EXPECT_DOUBLE_EQ(FindClosingAtSpeed(c.At()).time, gap / 2);
   }
-  c.detection.points[0].gap = 0;
+  c.detection.points.push_back(c.detection.points[0]);
+  c.rows.contacts.push_back(c.rows.contacts[0]);
+  c.history.match.push_back(-1);
+  c.approaches.closing.push_back(3);
+  c.detection.points[1].body_b = 2;
+  EXPECT_DOUBLE_EQ(FindClosingAtSpeed(c.At()).time, 1e-2 / 3);
+  EXPECT_EQ(FindClosingAtSpeed(c.At()).of.part, 2);
+  c = OneContact();
+  c.approaches.closing = {1};
   for (const double end_speed : {-0.99e-3, -1.01e-3}) {
     c.Bear(end_speed);
-    EXPECT_EQ(Found(FindClosingAtSpeed(c.At(), c.h)), end_speed < -1e-3) << end_speed;
+    EXPECT_EQ(Found(FindClosingAtSpeed(c.At()).of), end_speed < -1e-3) << end_speed;
   }
 }
 
