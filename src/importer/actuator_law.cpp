@@ -38,7 +38,9 @@ std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, int i) {
     case mjTRN_SITE:
       return std::nullopt;
     case mjTRN_BODY:
-      return ActuatorRefusal{"adhesion actuator", "adhesion is not simulated"};
+      return ActuatorRefusal{"adhesion actuator",
+                             "contacts only press here; a weld equality holds what it would attract, from "
+                             "the start to the end"};
     case mjTRN_SO3:
       return ActuatorRefusal{"orientation servo", "that transmission is not simulated"};
     default:
