@@ -6,6 +6,7 @@
 #include <fork1s/reduction/free_motion.hpp>
 #include <memory>
 
+#include "base_text.hpp"
 #include "checks.hpp"
 #include "gain.hpp"
 #include "inspect_folder.hpp"
@@ -46,7 +47,7 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     const MechanismDef& def = m.definition();
     Json one;
     one["name"] = m.name();
-    one["base"] = Name(m.base());
+    PutBase(m, one);
     one["mass_kg"] = m.total_mass();
     one["bodies"] = m.num_bodies();
     one["joints"] = m.num_joints();
@@ -97,11 +98,10 @@ void Print(const ImportedScene& imported, const Json& d) {
             imported.scene.timestep);
   for (const Json& m : d["mechanisms"]) {
     PrintText(
-        "\nmechanism '{}': base {}, {} bodies, {:.4g} kg, {} joints, {} closures, {} "
+        "\nmechanism '{}': {}, {} bodies, {:.4g} kg, {} joints, {} closures, {} "
         "couplings\n",
-        m["name"].get<std::string>(), m["base"].get<std::string>(), m["bodies"].get<int>(),
-        m["mass_kg"].get<double>(), m["joints"].get<int>(), m["closures"].get<int>(),
-        m["couplings"].get<int>());
+        m["name"].get<std::string>(), BaseText(m), m["bodies"].get<int>(), m["mass_kg"].get<double>(),
+        m["joints"].get<int>(), m["closures"].get<int>(), m["couplings"].get<int>());
     std::string names;
     for (const Json& b : m["interfaces"]) names += (names.empty() ? "" : ", ") + b.get<std::string>();
     PrintText("  interface ({}): {}\n", m["interfaces_chosen"].get<bool>() ? "named" : "picked here", names);

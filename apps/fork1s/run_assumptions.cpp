@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
+#include "base_text.hpp"
 #include "mechanism/names.hpp"
 #include "mode_line.hpp"
 #include "print.hpp"
@@ -43,13 +44,13 @@ Json AssumptionsJson(const Simulation& simulation, const InputArguments& inputs,
     Json names = Json::array();
     for (const BodyIndex body : reduced.interfaces) names.push_back(m.mechanism().body(body).name);
     out["mechanisms"].push_back({{"name", m.mechanism().name()},
-                                 {"base", Name(m.mechanism().base())},
                                  {"interfaces", std::move(names)},
                                  {"interfaces_chosen", m.mechanism().definition().interfaces_chosen},
                                  {"coordinates", reduced.size()},
                                  {"coordinates_full", reduced.num_coordinates() - reduced.loop_rank()},
                                  {"modes", reduced.num_modes},
                                  {"mode_selection", ModesJson(reduced)}});
+    PutBase(m.mechanism(), out["mechanisms"].back());
   }
   out["free_bodies"] = scene.free_bodies.size();
   return out;
@@ -64,8 +65,8 @@ void PrintAssumptions(const Json& d) {
   const Json& mechanisms = d["mechanisms"];
   for (std::size_t i = 0; i < std::min(kLines, mechanisms.size()); ++i) {
     const Json& m = mechanisms[i];
-    PrintText("  mechanism '{}': base {}, {} of {} coordinates simulated ({} modes), contact at {} ({})\n",
-              m["name"].get<std::string>(), m["base"].get<std::string>(), m["coordinates"].get<int>(),
+    PrintText("  mechanism '{}': {}, {} of {} coordinates simulated ({} modes), contact at {} ({})\n",
+              m["name"].get<std::string>(), BaseText(m), m["coordinates"].get<int>(),
               m["coordinates_full"].get<int>(), m["modes"].get<int>(), List(m["interfaces"]),
               m["interfaces_chosen"].get<bool>() ? "named" : "chosen, --interface names others");
     PrintText("    {}\n", ModeLine(m["mode_selection"]));

@@ -33,17 +33,14 @@ std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, int i) {
   switch (m.actuator_trntype[i]) {
     case mjTRN_JOINT:
     case mjTRN_JOINTINPARENT:
-      if (m.jnt_type[m.actuator_trnid[2 * i]] == mjJNT_FREE) {
-        return ActuatorRefusal{"actuator on a free joint",
-                               "it acts on no site; put it on a site of the body"};
-      }
-      return std::nullopt;
     case mjTRN_TENDON:
     case mjTRN_SLIDERCRANK:
     case mjTRN_SITE:
       return std::nullopt;
     case mjTRN_BODY:
-      return ActuatorRefusal{"adhesion actuator", "adhesion is not simulated"};
+      return ActuatorRefusal{"adhesion actuator",
+                             "contacts only press here; a weld equality holds what it would attract, from "
+                             "the start to the end"};
     case mjTRN_SO3:
       return ActuatorRefusal{"orientation servo", "that transmission is not simulated"};
     default:
@@ -64,7 +61,8 @@ std::optional<ActuatorRefusal> WhyNoMuscle(const mjModel& m, int i) {
     return ActuatorRefusal{"muscle with two sets of parameters",
                            "only one is simulated; give gainprm and biasprm the same numbers"};
   if (HasNoLength(m, i))
-    return ActuatorRefusal{"muscle on a site alone", "it has no length; give it a refsite or a tendon"};
+    return ActuatorRefusal{"muscle on a site alone or on a free joint",
+                           "it has no length; give it a tendon, or a site with a refsite"};
   const mjtNum* range = m.actuator_lengthrange + 2 * m.actuator_outadr[i];
   if (!(range[0] < range[1]))
     return ActuatorRefusal{"muscle",
@@ -242,14 +240,13 @@ std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d) {
   for (int i = 0; i < m.nactuator; ++i) {
     if (WhyNoLaw(m, i)) continue;
     LinearActuator a = Law(m, d, i);
-    // A force on a site alone has no length that could hold it.
+    // A wrench has no length that could hold it.
     if (HasNoLength(m, i)) {
       a.b1 = 0;
       for (ActuatorInput& input : a.inputs) input.setpoint = false;
     }
-    // Torques in parent axes, and springs: both act on the angular velocity, not on the rotation vector.
-    const bool in_parent = m.actuator_trntype[i] == mjTRN_JOINTINPARENT;
-    if (IsOnBall(m, i) && (in_parent || a.b1 != 0)) a.length.actuator = i;
+    // A spring acts on the angular velocity, not on the rotation vector.
+    if (IsOnBall(m, i) && a.b1 != 0) a.length.actuator = i;
     if (!a.length.terms.empty()) actuators.push_back(std::move(a));
   }
   return actuators;

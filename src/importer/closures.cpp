@@ -261,12 +261,14 @@ std::optional<Error> CheckJointEqualities(const Conversion& c) {
 
 void ConvertEqualities(Conversion& c) {
   const mjModel& m = c.m;
-  std::vector<std::string> inactive, empty, tendons, others;
+  std::vector<std::string> inactive, disabled, empty, tendons, others;
   for (int e = 0; e < m.neq; ++e) {
     const std::string name = EqualityName(c, e);
     if (c.used_equality[e]) continue;
-    if (!c.IsActive(e)) {
+    if (!m.eq_active0[e]) {
       inactive.push_back(name);
+    } else if (!c.IsActive(e)) {
+      disabled.push_back(name);
     } else if (const auto joints = JointEqualityOf(c, e)) {
       if (joints->a >= 0)
         ConvertCoupling(c, e, *joints);
@@ -280,7 +282,12 @@ void ConvertEqualities(Conversion& c) {
       ConvertClosure(c, e);
     }
   }
-  c.DroppedMany("inactive equality constraint", inactive, "it is switched off in the file");
+  c.DroppedMany(
+      "inactive equality constraint", inactive,
+      "active is false, and equalities are not switched while a simulation runs; with active true it "
+      "holds from the start to the end");
+  c.DroppedMany("equality constraint", disabled,
+                "a flag of <option> disables it: remove equality or constraint from <flag>");
   c.DroppedMany("equality constraint", empty,
                 "no joint has a part in it: its coefficients are zero or cancel, so it constrains nothing");
   for (const Repeated& repeated : FindRepeated(c))

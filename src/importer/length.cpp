@@ -64,6 +64,7 @@ std::vector<int> BodiesOfTendon(const mjModel& m, int t) {
 }
 
 std::vector<int> BodiesOfActuator(const mjModel& m, int i) {
+  if (IsOnFreeJoint(m, i)) return {m.jnt_bodyid[m.actuator_trnid[2 * i]]};
   const int type = m.actuator_trntype[i], *sites = m.actuator_trnid + 2 * i;
   if (type != mjTRN_SITE && type != mjTRN_SLIDERCRANK) return {};
   std::vector<int> bodies = {m.site_bodyid[sites[0]]};
@@ -97,11 +98,13 @@ Length ActuatorLength(const mjModel& m, const mjData& d, int i) {
   switch (m.actuator_trntype[i]) {
     case mjTRN_JOINT:
     case mjTRN_JOINTINPARENT: {
-      const bool ball = m.jnt_type[target] == mjJNT_BALL;
-      for (int k = 0; k < (ball ? 3 : 1); ++k) {
+      const int type = m.jnt_type[target], count = type == mjJNT_FREE ? 6 : type == mjJNT_BALL ? 3 : 1;
+      for (int k = 0; k < count; ++k) {
         if (gear[k] != 0) length.terms.emplace_back(m.jnt_dofadr[target] + k, gear[k]);
       }
-      if (!ball) length.at_reference = gear[0] * m.qpos0[m.jnt_qposadr[target]];
+      // A torque in parent axes acts on the angular velocity, not on the rotation vector.
+      if (count > 1 && m.actuator_trntype[i] == mjTRN_JOINTINPARENT) length.actuator = i;
+      if (count == 1) length.at_reference = gear[0] * m.qpos0[m.jnt_qposadr[target]];
       return length;
     }
     case mjTRN_TENDON:

@@ -26,17 +26,21 @@ Length TendonLength(const mjModel& m, const mjData& d, int tendon);
 Length ActuatorLength(const mjModel& m, const mjData& d, int actuator);  // gear included
 
 bool IsSpatial(const mjModel& m, int tendon);
-/// Whether an actuator turns a ball joint.
-inline bool IsOnBall(const mjModel& m, int actuator) {
+/// Whether an actuator acts on a joint of this type.
+inline bool IsOnJoint(const mjModel& m, int actuator, mjtJoint joint) {
   const int type = m.actuator_trntype[actuator];
   return (type == mjTRN_JOINT || type == mjTRN_JOINTINPARENT) &&
-         m.jnt_type[m.actuator_trnid[2 * actuator]] == mjJNT_BALL;
+         m.jnt_type[m.actuator_trnid[2 * actuator]] == joint;
 }
-/// Bodies that carry the sites of an actuator on sites or of a slider-crank; none for others.
+inline bool IsOnBall(const mjModel& m, int actuator) { return IsOnJoint(m, actuator, mjJNT_BALL); }
+inline bool IsOnFreeJoint(const mjModel& m, int actuator) { return IsOnJoint(m, actuator, mjJNT_FREE); }
+/// Bodies that carry the sites of an actuator on sites or of a slider-crank, or the free joint of one on such a
+/// joint; none for others.
 std::vector<int> BodiesOfActuator(const mjModel& m, int actuator);
-/// Whether it pushes on a site with no other to tell a length from.
+/// Whether it is a wrench on a site without a reference, or on a free joint: its length is 0 at any pose.
 inline bool HasNoLength(const mjModel& m, int actuator) {
-  return m.actuator_trntype[actuator] == mjTRN_SITE && m.actuator_trnid[2 * actuator + 1] < 0;
+  return IsOnFreeJoint(m, actuator) ||
+         (m.actuator_trntype[actuator] == mjTRN_SITE && m.actuator_trnid[2 * actuator + 1] < 0);
 }
 /// Bodies between which a tendon pulls, in the order of its path, repeated as it comes back to them.
 std::vector<int> BodiesOfTendon(const mjModel& m, int tendon);

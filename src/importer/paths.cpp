@@ -92,6 +92,25 @@ PathDef PathOfBall(const Conversion& c, int i, int mechanism) {
   return path;
 }
 
+// The wrench of an actuator on a free joint in axes of the world, at the origin of the body.
+PathDef PathOfFreeJoint(const Conversion& c, int i, int mechanism) {
+  const mjModel& m = c.m;
+  const Anchor child = AnchorIn(c, mechanism, m.jnt_bodyid[m.actuator_trnid[2 * i]]),
+               world = AnchorIn(c, mechanism, 0);
+  PathElementDef on, from;
+  on.body = child.body;
+  on.X_BE = child.X_AB;
+  from.body = world.body;
+  from.X_BE = world.X_AB;
+  PathDef path;
+  path.name = NameOr(m, m.name_actuatoradr[i], "actuator", i);
+  path.kind = PathKind::kWrench;
+  path.elements = {on, from};
+  const mjtNum* gear = m.actuator_gear + 6 * m.actuator_outadr[i];
+  path.gear << Vec3(gear + 3), Vec3(gear);
+  return path;
+}
+
 }  // namespace
 
 int Conversion::PathOf(const Length& length) {
@@ -104,9 +123,14 @@ int Conversion::PathOf(const Length& length) {
   const int mechanism = MechanismOf(length.terms[0].first);
   auto& paths = scene.mechanisms[static_cast<std::size_t>(mechanism)].paths;
   made = static_cast<int>(paths.size());
-  paths.push_back(thread                         ? ThreadOf(*this, length.tendon, mechanism)
-                  : IsOnBall(m, length.actuator) ? PathOfBall(*this, length.actuator, mechanism)
-                                                 : PathOfSites(*this, length.actuator, mechanism));
+  if (thread)
+    paths.push_back(ThreadOf(*this, length.tendon, mechanism));
+  else if (IsOnBall(m, length.actuator))
+    paths.push_back(PathOfBall(*this, length.actuator, mechanism));
+  else if (IsOnFreeJoint(m, length.actuator))
+    paths.push_back(PathOfFreeJoint(*this, length.actuator, mechanism));
+  else
+    paths.push_back(PathOfSites(*this, length.actuator, mechanism));
   return made;
 }
 

@@ -122,7 +122,8 @@ SensorDef LengthSensor(Conversion& c, SensorDef s, SensorKind kind, int type, in
     if (on == mjTRN_BODY) return Unknown(std::move(s), "actuators on bodies are not simulated");
     const std::vector<int> bodies =
         on == mjTRN_TENDON ? BodiesOfTendon(m, m.actuator_trnid[2 * id]) : BodiesOfActuator(m, id);
-    is_known = PutLengthOf(c, ActuatorLength(m, c.d, id), bodies, s);
+    const bool is_zero = kind == SensorKind::kLength && IsOnFreeJoint(m, id);
+    is_known = is_zero || PutLengthOf(c, ActuatorLength(m, c.d, id), bodies, s);
   }
   return is_known ? s : Unknown(std::move(s), kNotOfOneMechanism);
 }

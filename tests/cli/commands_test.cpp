@@ -20,6 +20,53 @@ TEST(Inspect, SaysWhatHoldsEachJoint) {
   EXPECT_EQ(json["free_bodies"][0]["name"], "ball");
 }
 
+// A body that actuators move has its free joint to the world; so has a load that a tendon ties to a crane.
+TEST(Inspect, BodiesOnFreeJoints_AreCalledFree) {
+  const std::string drone =
+      "<body name='drone' pos='0 3 0'><freejoint name='f'/><geom size='.1'/><site name='r'/></body>";
+  const std::string load =
+      "<body name='load' pos='0 0 .3'><freejoint/><geom size='.1'/><site name='eye'/></body>";
+  const std::string boom =
+      "<body name='boom' pos='0 0 1'><joint name='lift' type='slide' axis='0 0 1'/><geom size='.1'/>"
+      "<site name='tip'/></body>";
+  const std::string thrust = "<actuator><motor site='r' gear='0 0 1 0 0 0'/></actuator>",
+                    jet = "<actuator><motor joint='f' gear='0 0 1 0 0 0'/></actuator>";
+  const auto rope = [](const std::string& a, const std::string& b) {
+    return "<tendon><spatial stiffness='9'><site site='" + a + "'/><site site='" + b +
+           "'/></spatial></tendon>";
+  };
+  const std::string slides =
+      "<body name='table'><joint type='slide' axis='1 0 0'/><joint type='slide' axis='0 1 0'/><joint "
+      "type='ball'/><geom size='.1'/></body>";
+  const struct {
+    std::string bodies, rest, text;
+    bool is_free;
+    std::vector<std::string> free;
+  } cases[] = {
+      {drone, thrust, "mechanism 'drone': free body 'drone', 2", true, {"drone"}},
+      {load + drone, jet, "mechanism 'drone': free body 'drone', 2", true, {"drone"}},
+      {drone + load, rope("r", "eye"), ": free bodies 'drone' and 'load', 3", true, {"drone", "load"}},
+      {load + boom, rope("tip", "eye"), ": base fixed, 'load' on a free joint, 3", false, {"load"}},
+      {boom, "", ": base fixed, 2", false, {}},
+      {slides, "", ": base fixed, 2", false, {}},
+  };
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.text);
+    const std::string model =
+        Write("free.xml", "<mujoco><worldbody>" + c.bodies + "</worldbody>" + c.rest + "</mujoco>");
+    const Outcome inspected = Fork1s("inspect " + model), run = Fork1s("run --time 0.1 " + model);
+    EXPECT_NE(inspected.out.find(c.text), std::string::npos) << inspected.out << inspected.err;
+    EXPECT_NE(run.out.find(c.text.substr(0, c.text.size() - 1)), std::string::npos) << run.out << run.err;
+    for (const nlohmann::json& m :
+         {Fork1s("inspect --json " + model).Json()["mechanisms"][0],
+          Fork1s("run --json --time 0.1 " + model).Json()["assumed"]["mechanisms"][0]}) {
+      EXPECT_EQ(m["base"], "fixed");
+      EXPECT_EQ(m["is_free"], c.is_free);
+      EXPECT_EQ(m["free_joint_bodies"].get<std::vector<std::string>>(), c.free);
+    }
+  }
+}
+
 TEST(Run, SaysWhichModesAreKeptAndWhatIsLeftOut) {
   std::string masses;
   for (const char* k : {"12", "25", "40", "60", "90", "200"})

@@ -1,3 +1,6 @@
+#include <fmt/format.h>
+#include <fork1s/sim/simulation.hpp>
+
 #include "helpers.hpp"
 
 namespace fork1s::testing_importer {
@@ -271,6 +274,58 @@ TEST(ImportClosures, MocapBodyDrivesAMechanism) {
   EXPECT_EQ(mechanism.joints.size(), 1u);
   EXPECT_TRUE(mechanism.closures.empty());
   EXPECT_EQ(loaded.scene.keyframes[0].mechanisms[0].X_WR.translation(), Vector3(1, 2, 3));
+}
+
+// A crane whose load lies below the hook, and equalities of every kind that are off; `order` puts them elsewhere.
+std::string CraneWith(bool equalities, const std::string& flag, bool load_first, const std::string& active) {
+  const std::string
+      load =
+          R"(<body name="load" pos="0 0 .2" euler="10 0 20"><freejoint/><geom size=".1" mass=".5"/></body>)",
+      boom = R"(<body name="boom" pos="0 0 1"><joint name="lift" type="slide" axis="0 0 1" stiffness="50"/>
+      <geom size=".05" mass="1" contype="0" conaffinity="0"/><body name="hook" pos="0 0 -.3">
+      <joint name="sway" axis="0 1 0" stiffness="2"/><geom size=".02" mass=".1" pos=".05 0 0" contype="0" conaffinity="0"/>
+      </body></body>)";
+  std::string off;
+  if (equalities)
+    for (const char* equality :
+         {R"(weld name="grab" body1="hook" body2="load")",
+          R"(connect name="pin" body1="load" body2="hook" anchor="0 0 .1")",
+          R"(joint name="brake" joint1="lift")", R"(tendon name="reel" tendon1="rope")"})
+      off += "<" + std::string(equality) + active + "/>";
+  return "<mujoco><option>" + flag + "</option><worldbody>" + (load_first ? load + boom : boom + load) +
+         R"(</worldbody><tendon><fixed name="rope"><joint joint="sway" coef="2"/></fixed></tendon><equality>)" +
+         off + "</equality></mujoco>";
+}
+
+TEST(ImportClosures, EqualitiesThatAreOff_ConstrainNothingAndAreNamed) {
+  for (const bool load_first : {false, true})
+    for (const bool by_flag : {false, true}) {
+      SCOPED_TRACE(fmt::format("load first {}, by flag {}", load_first, by_flag));
+      const std::string flag = by_flag ? R"(<flag equality="disable"/>)" : "";
+      const ImportedScene off =
+          MustLoad(CraneWith(true, flag, load_first, by_flag ? "" : R"( active="false")"));
+      EXPECT_TRUE(HasNote(off.report, ImportNote::Kind::kDropped, "'grab', 'pin', 'brake' and 'reel'"));
+      EXPECT_TRUE(HasNote(off.report, ImportNote::Kind::kDropped,
+                          by_flag ? "remove equality or constraint from <flag>" : "active is false"));
+      const auto start = [](const Scene& scene) {
+        auto simulation = Simulation::Create(scene);
+        if (!simulation) throw std::runtime_error(simulation.error().Text());
+        return std::move(*simulation);
+      };
+      Simulation ours = start(off.scene),
+                 without = start(MustLoad(CraneWith(false, "", load_first, "")).scene);
+      for (int i = 0; i < 30; ++i) {
+        ours.Step();
+        without.Step();
+      }
+      EXPECT_EQ(ours.HashState(), without.HashState());
+      // The load falls freely: z0 - g t²/2, by a rule that is exact for constant accelerations.
+      EXPECT_NEAR(ours.Pose("load").translation().z(), 0.2 - 0.5 * 9.81 * ours.time() * ours.time(), 1e-9);
+      // On, they hold the load to the crane.
+      const ImportedScene on = MustLoad(CraneWith(true, "", load_first, ""));
+      EXPECT_TRUE(on.scene.free_bodies.empty());
+      EXPECT_FALSE(HasNote(on.report, ImportNote::Kind::kDropped, "equality"));
+    }
 }
 
 }  // namespace

@@ -179,6 +179,18 @@ TEST(Sensors, OfFloatingAndFreeBodies_AreMujocosAtTheSameState) {
   ExpectMujocosValues(Replaced(kArm, bodies, sensors));
 }
 
+TEST(Sensors, OfActuatorsOnFreeAndBallJoints_AreMujocosAtTheSameState) {
+  ExpectMujocosValues(
+      R"(<mujoco><worldbody><body name="drone" pos="0 0 1" euler="20 0 10"><freejoint name="f"/>
+      <geom type="box" size=".1 .2 .05"/></body>
+      <body name="arm" pos="1 0 1" euler="0 30 10"><joint name="b" type="ball"/><geom type="box" size=".1 .2 .05" pos=".2 0 0"/></body></worldbody>
+    <actuator><velocity name="wrist" jointinparent="b" gear=".3 .5 -.2" kv=".1"/><velocity name="brake" joint="f" gear=".4 0 1 .3 .5 -.2" kv=".6"/>
+      <velocity name="slow" jointinparent="f" gear="1 0 -2 .7 .4 -.3" kv=".2"/></actuator>
+    <sensor><actuatorpos actuator="brake"/><actuatorvel actuator="brake"/><actuatorfrc actuator="brake"/>
+      <actuatorpos actuator="slow"/><actuatorvel actuator="slow"/><actuatorfrc actuator="slow"/>
+      <actuatorpos actuator="wrist"/><actuatorvel actuator="wrist"/><actuatorfrc actuator="wrist"/></sensor></mujoco>)");
+}
+
 // Rays from sites of moving and still bodies among shapes of all kinds, some without an end; volumes; weight and
 // springs, one of them with higher terms and slack.
 TEST(Sensors, OfRaysVolumesAndPotentialEnergy_AreMujocosAtTheSameState) {

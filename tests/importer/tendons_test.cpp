@@ -240,7 +240,11 @@ const char* const kTethered = R"(<mujoco><compiler angle="radian"/><worldbody><s
   <tendon><spatial name="leash" stiffness="50" springlength="0 .5" damping="2"><site site="w"/><site site="t"/></spatial>
     <spatial name="tow" stiffness="30" damping="1"><site site="s"/><site site="eye"/></spatial></tendon>
   <actuator><motor name="thrust" site="rotor" gear="0 .2 1 0 .3 -.02"/>
-    <motor name="reel" tendon="tow" gear="2"/></actuator></mujoco>)";
+    <motor name="reel" tendon="tow" gear="2"/>
+    <motor name="jets" joint="flies" gear="1 -2 .5 .3 -.2 .7"/>
+    <velocity name="brake" joint="trails" gear=".4 0 1 .3 .5 -.2" kv=".6"/>
+    <motor name="outside" jointinparent="float" gear=".2 .4 -1 2 .3 -.5"/>
+    <velocity name="slow" jointinparent="flies" gear="0 0 0 .7 .4 -.3" kv=".2"/></actuator></mujoco>)";
 
 // Coordinates and rates of a built mechanism at MuJoCo's state, by the keyframe that holds it.
 TEST(ImportTendons, TendonsAndActuatorsOnFreeJoints_ForcesAndPosesAreThoseOfMujoco) {
@@ -265,6 +269,7 @@ TEST(ImportTendons, TendonsAndActuatorsOnFreeJoints_ForcesAndPosesAreThoseOfMujo
     const ImportedScene loaded = MustLoad(text);
     EXPECT_TRUE(loaded.scene.free_bodies.empty());
     ASSERT_EQ(loaded.scene.mechanisms.size(), 2u);  // the tow ties two trees together
+    EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kDropped, "actuator"));
     for (std::size_t i = 0; i < 2; ++i) {
       const Mechanism m = MustBuild(loaded.scene.mechanisms[i]);
       EXPECT_EQ(m.base(), BaseKind::kFixed);
@@ -278,20 +283,24 @@ TEST(ImportTendons, TendonsAndActuatorsOnFreeJoints_ForcesAndPosesAreThoseOfMujo
       }
       // Work of forces in the motion at hand: free of the coordinates in which it is written.
       double ours = 0, theirs = 0;
-      for (const Mechanism::Spring& spring : m.springs()) {
+      VectorX rates = state.q_dot;  // of rotations the angular velocity, on which dampers and motors act
+      for (const Mechanism::Rotation& rotation : m.rotations()) {
+        const Vector3 omega = AngularVelocityMap(m, k, rotation) * rates(rotation.coordinates);
+        rates(rotation.coordinates) = omega;
+      }
+      const auto rate_of = [&](const Mechanism::Length& length) {
         double rate = 0;
-        ForEachArm(spring.length, k.paths, [&](int j, double a) { rate += a * state.q_dot(j); });
+        const VectorX& motion = length.path < 0 ? rates : state.q_dot;
+        ForEachArm(length, k.paths, [&](int j, double a) { rate += a * motion(j); });
+        return rate;
+      };
+      for (const Mechanism::Spring& spring : m.springs()) {
+        const double rate = rate_of(spring.length);
         ours += rate * (spring.Force(LengthOf(m, spring.length, k, state.q)) - spring.damping * rate);
       }
       for (const Mechanism::Control& control : m.controls()) {
         const int a = mj_name2id(peer.m.get(), mjOBJ_ACTUATOR, control.name.c_str());
-        ForEachArm(control.length, k.paths,
-                   [&](int j, double arm) { ours += arm * state.q_dot(j) * control.gain * d.ctrl[a]; });
-      }
-      VectorX rates = state.q_dot;  // of rotations the angular velocity, on which dampers act
-      for (const Mechanism::Rotation& rotation : m.rotations()) {
-        const Vector3 omega = AngularVelocityMap(m, k, rotation) * rates(rotation.coordinates);
-        rates(rotation.coordinates) = omega;
+        ours += rate_of(control.length) * control.gain * d.ctrl[a];
       }
       ours -= rates.dot(m.damping().cwiseProduct(rates));
       for (int dof = 0; dof < peer.m->nv; ++dof)
