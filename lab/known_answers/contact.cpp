@@ -32,7 +32,7 @@ Speeds AfterOneSecond(const Shape& shape, const SpatialInertia& inertia, double 
 // step's share is left is told by what is left before it.
 template <class Road>
 Speeds SlipAndSpeed(double v0, double friction, double h) {
-  Scene scene = OnPlane(Sphere{kRadius}, SolidBall(1, kRadius), kRadius, 0, friction);
+  Scene scene = OnPlane(Sphere{kRadius}, testing::Ball(1, kRadius), kRadius, 0, friction);
   KeyframeDef key;
   key.free_bodies.push_back({scene.free_bodies[0].X_WB, Vector3::Zero(), Vector3(v0, 0, 0)});
   scene.keyframes = {key};
@@ -54,7 +54,7 @@ Speeds SlipAndSpeed(double v0, double friction, double h) {
 std::vector<KnownAnswer> Rolling(Refinement) {
   Rows rows("rolling");
   const double slope = 0.2, expected = 5.0 / 7 * kGravity * std::sin(slope);
-  const SpatialInertia ball = SolidBall(1, kRadius);
+  const SpatialInertia ball = testing::Ball(1, kRadius);
   const Speeds r = AfterOneSecond<ReducedRoad>(Sphere{kRadius}, ball, kRadius, slope, 1);
   const Speeds f = AfterOneSecond<FullRoad>(Sphere{kRadius}, ball, kRadius, slope, 1);
   const char* source = "closed form: 5/7 g sin θ for θ = 0.2 rad";
@@ -85,8 +85,9 @@ std::vector<KnownAnswer> Sticking(Refinement) {
   const Vector3 half(0.1, 0.1, 0.05);
   for (const double share : {0.98, 1.02}) {
     const double slope = std::atan(share * friction);
-    const Speeds r = AfterOneSecond<ReducedRoad>(Box{half}, SolidBrick(1, half), half.z(), slope, friction);
-    const Speeds f = AfterOneSecond<FullRoad>(Box{half}, SolidBrick(1, half), half.z(), slope, friction);
+    const Speeds r =
+        AfterOneSecond<ReducedRoad>(Box{half}, testing::Brick(1, half), half.z(), slope, friction);
+    const Speeds f = AfterOneSecond<FullRoad>(Box{half}, testing::Brick(1, half), half.z(), slope, friction);
     const double expected = share < 1 ? 0 : kGravity * (std::sin(slope) - friction * std::cos(slope));
     rows.Add({fmt::format("speed after 1 s at tan θ = {} µ", share), "m/s", expected, kSolver,
               "1e-4 of the impulse of gravity in 1 s", "Coulomb's law, µ = 0.5"},

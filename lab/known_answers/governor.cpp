@@ -38,12 +38,12 @@ MechanismDef GovernorDefinition() {
   shaft.name = "shaft";
   shaft.parent = builder.base();
   shaft.X_PB = RigidTransform(Vector3(0, 0, kLength / 2));
-  shaft.inertia = SolidBrick(kDensity * 1e-4 * kLength, Vector3(0.005, 0.005, kLength / 2));
+  shaft.inertia = testing::Brick(kDensity * 1e-4 * kLength, Vector3(0.005, 0.005, kLength / 2));
   const BodyIndex shaft_index = builder.AddBody(shaft);
   builder.AddJoint(JointDef::Hinge("bearing", shaft_index, Vector3::UnitZ()));
   slider.name = "slider";
   slider.parent = shaft_index;
-  slider.inertia = SolidBrick(kDensity * 1e-3, Vector3::Constant(0.05));
+  slider.inertia = testing::Brick(kDensity * 1e-3, Vector3::Constant(0.05));
   const BodyIndex slider_index = builder.AddBody(slider);
   builder.AddJoint(JointDef::Slide("sleeve", slider_index, Vector3::UnitZ()));
   // Seen from above, one side is the other turned by half a turn.
@@ -62,11 +62,11 @@ MechanismDef GovernorDefinition() {
     lower.name = fmt::format("lower{}", side);
     lower.parent = slider_index;
     lower.X_PB = RigidTransform(up, outward * Vector3(0.05, 0, 0));
-    lower.inertia = SolidBall(kStrutMass, 0.01);
+    lower.inertia = testing::Ball(kStrutMass, 0.01);
     upper.name = fmt::format("upper{}", side);
     upper.parent = builder.AddBody(lower);
     upper.X_PB = RigidTransform(Vector3(kSpringLength, 0, 0));
-    upper.inertia = SolidBall(kStrutMass, 0.01);
+    upper.inertia = testing::Ball(kStrutMass, 0.01);
     builder.AddJoint(JointDef::Hinge(lower.name + "_hinge", upper.parent, Vector3::UnitY()));
     const BodyIndex u = builder.AddBody(upper);
     builder.AddJoint(

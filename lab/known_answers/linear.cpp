@@ -46,7 +46,7 @@ MechanismDef Rods(int links, double length, double mass, double stiffness, doubl
     link.name = fmt::format("link{}", i + 1);
     link.parent = parent;
     if (i > 0) link.X_PB = RigidTransform(ExpRotation(Vector3(0, 0, elbow)), Vector3(length, 0, 0));
-    link.inertia = ThinRod(mass, length);
+    link.inertia = testing::Rod(mass, length);
     parent = builder.AddBody(link);
     builder.AddJoint(
         JointDef::Hinge(fmt::format("joint{}", i + 1), parent, Vector3::UnitZ()).WithSpring(stiffness));
@@ -77,11 +77,11 @@ MechanismDef Stewart(double a, double k) {
       lower.name = "lower" + n;
       lower.parent = builder.base();
       lower.X_PB = RigidTransform(low);
-      lower.inertia = SolidBall(0.1, 0.05);
+      lower.inertia = testing::Ball(0.1, 0.05);
       upper.name = "upper" + n;
       upper.parent = builder.AddBody(lower);
       upper.X_PB = RigidTransform(Vector3(a * along));
-      upper.inertia = SolidBall(0.1, 0.05);
+      upper.inertia = testing::Ball(0.1, 0.05);
       builder.AddJoint(UniversalJoint("universal" + n, upper.parent, across, third));
       const BodyIndex end = builder.AddBody(upper);
       builder.AddJoint(JointDef::Slide("slide" + n, end, along).WithSpring(k, 0.02 * k));
@@ -93,7 +93,7 @@ MechanismDef Stewart(double a, double k) {
       top.name = "platform";
       top.parent = end;
       top.X_PB = RigidTransform(Vector3(center - high));
-      top.inertia = SolidBrick(3, Vector3(0.1, 0.1, 0.02));
+      top.inertia = testing::Brick(3, Vector3(0.1, 0.1, 0.02));
       platform = builder.AddBody(top);
       builder.AddJoint(JointDef::Ball("ball", platform, high - center));
     }

@@ -87,7 +87,7 @@ Scene HeavyChain() {
     link.name = fmt::format("link{}", i + 1);
     link.parent = parent;
     if (i > 0) link.X_PB = RigidTransform(Vector3(0.1, 0, 0));
-    link.inertia = ThinRod(i < 3 ? 1e-3 : 1e3, 0.1);
+    link.inertia = testing::Rod(i < 3 ? 1e-3 : 1e3, 0.1);
     parent = builder.AddBody(link);
     builder.AddJoint(
         JointDef::Hinge(fmt::format("joint{}", i + 1), parent, Vector3::UnitZ()).WithSpring(100, 1));
@@ -99,10 +99,10 @@ Scene HeavyChain() {
 // A kilogramme on a milligramme, both bricks.
 Scene HeavyStack() {
   const Vector3 half(0.1, 0.1, 0.05);
-  Scene scene = OnPlane(Box{half}, SolidBrick(1e-6, half), half.z(), 0, 0.8);
+  Scene scene = OnPlane(Box{half}, testing::Brick(1e-6, half), half.z(), 0, 0.8);
   FreeBodyDef heavy = scene.free_bodies[0];
   heavy.name = "heavy";
-  heavy.inertia = SolidBrick(1, half);
+  heavy.inertia = testing::Brick(1, half);
   heavy.X_WB.translation().z() = 3 * half.z();
   scene.free_bodies.push_back(heavy);
   return scene;

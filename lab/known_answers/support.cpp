@@ -95,23 +95,4 @@ VectorX ExtrapolateToZero(std::vector<VectorX> values) {
   return values.front();
 }
 
-SpatialInertia ThinRod(double mass, double length) {
-  SpatialInertia I;
-  I.mass = mass;
-  I.center = Vector3(length / 2, 0, 0);
-  const double i = mass * length * length / 12;
-  // A hundredth about its own axis keeps every body's inertia regular.
-  I.rotational = Vector3(0.01 * i, i, i).asDiagonal();
-  return I;
-}
-
-SpatialInertia SolidBall(double mass, double radius) {
-  return {mass, Vector3::Zero(), 0.4 * mass * radius * radius * Matrix3::Identity()};
-}
-
-SpatialInertia SolidBrick(double mass, const Vector3& half) {
-  const Vector3 s = half.cwiseAbs2() * (mass / 3);
-  return {mass, Vector3::Zero(), Vector3(s.y() + s.z(), s.x() + s.z(), s.x() + s.y()).asDiagonal()};
-}
-
 }  // namespace fork1s::internal

@@ -8,6 +8,7 @@
 #include <lab/known_answers.hpp>
 #include <optional>
 #include <stdexcept>
+#include <tests/mechanisms.hpp>
 
 namespace fork1s::internal {
 
@@ -90,10 +91,5 @@ inline const VectorX& Displacements(const FullSimulation& s) { return s.Displace
 
 /// Value at h = 0 of a smooth function known at h, h/2, h/4, ...: Richardson's table for errors in h, h², ...
 VectorX ExtrapolateToZero(std::vector<VectorX> values);
-
-// Bodies.
-SpatialInertia ThinRod(double mass, double length);  // along +x from its origin
-SpatialInertia SolidBall(double mass, double radius);
-SpatialInertia SolidBrick(double mass, const Vector3& half);
 
 }  // namespace fork1s::internal

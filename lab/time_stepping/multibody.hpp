@@ -167,7 +167,6 @@ inline double Energy(const System& system, const State& state) {
   return PotentialEnergy(system, state) + KineticEnergy(system, state);
 }
 Vector3 AngularMomentum(const System& system, const State& state);  // about the origin
-double ConstraintGap(const System& system, const State& state);
 double HingeAngle(const TorsionSpring& spring, const State& state);
 
 }  // namespace fork1s::lab

@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/sim/ask.hpp>
-#include <fork1s/sim/control_move.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
-#include <optional>
 #include <utility>
 
 #include "base/near_names.hpp"
@@ -70,35 +68,26 @@ std::vector<SensorPlace> FindSensors(Run& run) {
   return places;
 }
 
-void Add(const StepReport& step, fork1s_report& all) {
-  all.steps += step.finite ? 1 : 0;
-  all.contacts = step.contacts;
-  all.limits = step.limits;
-  all.forces_at_bound = step.forces_at_bound;
-  all.unconverged += step.solver.converged && step.stages_converged ? 0 : 1;
-  all.halved += step.halving != HalvingCause::kNone ? 1 : 0;
-  all.refreshes += step.refreshes;
-  all.failed_refreshes += step.failed_refreshes;
-  all.contacts_dropped = all.contacts_dropped != 0 || step.contacts_dropped ? 1 : 0;
-  all.finite = step.finite ? 1 : 0;
-  all.max_penetration = std::max(all.max_penetration, step.max_penetration);
-  all.residual = std::max(all.residual, step.solver.residual);
-  all.stage_residual = std::max(all.stage_residual, step.stage_residual);
-}
-
 fork1s_report Step(Run& run, int steps, bool move) {
-  fork1s_report report{};
-  report.finite = 1;
   Simulation& simulation = run.simulation;
-  const std::vector<BodyPush> pushes = std::exchange(run.pushes, {});
-  std::optional<ControlMove> controls;
-  if (move && steps > 0) controls.emplace(simulation, steps);
-  for (int i = 0; i < steps && report.finite != 0; ++i) {
-    for (const BodyPush& p : pushes)
+  const auto pushes = std::exchange(run.pushes, {});
+  const internal::StepTotals all = internal::RunSteps(simulation, steps, move, [&](int) {
+    for (const internal::BodyPush& p : pushes)
       simulation.ApplyWrench(p.body, p.force_W, p.moment_W, simulation.Pose(p.body) * p.point_B);
-    Add(controls ? controls->Step(simulation) : simulation.Step(), report);
-  }
-  return report;
+  });
+  return {.steps = all.steps,
+          .contacts = all.contacts,
+          .limits = all.limits,
+          .forces_at_bound = all.forces_at_bound,
+          .unconverged = all.unconverged,
+          .halved = all.halved,
+          .refreshes = all.refreshes,
+          .failed_refreshes = all.failed_refreshes,
+          .contacts_dropped = all.contacts_dropped,
+          .finite = all.finite,
+          .max_penetration = all.max_penetration,
+          .residual = all.residual,
+          .stage_residual = all.stage_residual};
 }
 
 // Position [m], then the unit quaternion with w first and w >= 0.
@@ -318,7 +307,8 @@ fork1s_status fork1s_simulation_push(fork1s_simulation* simulation, int32_t body
                                      const double torque[3], const double point[3]) {
   return GuardRun(__func__, simulation, [&](Run& run) {
     RequireIndex("body", body, run.body_names.size());
-    BodyPush push{body, ReadVector(force, "force"), ReadVector(torque, "torque"), fork1s::Vector3::Zero()};
+    fork1s::internal::BodyPush push{body, ReadVector(force, "force"), ReadVector(torque, "torque"),
+                                    fork1s::Vector3::Zero()};
     if (point) push.point_B = run.simulation.Pose(body).inverse() * ReadVector(point, "point");
     run.pushes.push_back(push);
   });

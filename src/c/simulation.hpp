@@ -15,15 +15,9 @@
 
 #include "calls.hpp"
 #include "model.hpp"
+#include "sim/step_totals.hpp"
 
 namespace fork1s::c {
-
-/// A wrench on a point of a body through all steps of the next call.
-struct BodyPush {
-  int body = 0;
-  Vector3 force_W, moment_W;  // N, N·m
-  Vector3 point_B;            // m
-};
 
 struct Limits {
   double lower = 0, upper = 0;
@@ -35,7 +29,7 @@ struct Moment {
   double dt = 0;            // s
   double time_before = 0;   // s
   double state_change = 0;  // rad or m
-  std::vector<BodyPush> pushes;
+  std::vector<internal::BodyPush> pushes;
 };
 
 struct SensorPlace {
@@ -52,7 +46,7 @@ struct Run {
   std::vector<std::string> body_names, control_names, warnings;
   std::vector<Limits> control_ranges;
   std::vector<SensorPlace> sensor_places;
-  std::vector<BodyPush> pushes;            // of the next call
+  std::vector<internal::BodyPush> pushes;  // of the next call
   double time_before = 0;                  // s, of simulations that a state set took the place of
   double state_change = 0;                 // rad or m
   mutable std::optional<Sensors> sensors;  // as they were evaluated last

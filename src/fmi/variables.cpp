@@ -7,6 +7,8 @@
 #include <set>
 #include <utility>
 
+#include "sim/driven_base.hpp"
+
 namespace fork1s::fmi {
 namespace {
 
@@ -79,8 +81,7 @@ void AddControls(const Simulation& simulation, VariableList& list, Lister& liste
     v.start = simulation.controls()[control];
     v.description = "control " + name;
     if (simulation.DrivesBase(control)) {
-      const bool turns = name.size() > 1 && name[name.size() - 2] == 'r';
-      v.unit = turns ? "rad" : "m";
+      v.unit = internal::IsBaseRotation(simulation, control) ? "rad" : "m";
       v.description = "coordinate " + name + " of a driven base, from its initial pose";
     }
     lister.Add(std::move(v));

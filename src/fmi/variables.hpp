@@ -55,15 +55,6 @@ struct VariableList {
   std::vector<std::string> notes;              // what has no variable, a sentence each
 };
 
-/// What is told of the steps of the last communication step.
-struct Report {
-  double contacts = 0;         // of the last step
-  double max_penetration = 0;  // m, of all
-  double residual = 0;         // relative, of the contact solver, the worst
-  double stage_residual = 0;   // m, the worst
-  double unconverged = 0;      // steps
-  double halved = 0;           // steps
-};
 inline constexpr int kNumReportVariables = 6;
 
 /// `joints`: those that move. `bodies`: places in Simulation::bodies().

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/importer/file_state.hpp>
-#include <fork1s/sim/control_move.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
 #include <sstream>
@@ -26,15 +25,6 @@ std::string Join(const Parts&... parts) {
   text.precision(std::numeric_limits<double>::max_digits10);
   (text << ... << parts);
   return text.str();
-}
-
-void Add(const StepReport& step, fmi::Report& all) {
-  all.contacts = step.contacts;
-  all.max_penetration = std::max(all.max_penetration, step.max_penetration);
-  all.residual = std::max(all.residual, step.solver.residual);
-  all.stage_residual = std::max(all.stage_residual, step.stage_residual);
-  all.unconverged += step.solver.converged && step.stages_converged ? 0 : 1;
-  all.halved += step.halving != HalvingCause::kNone ? 1 : 0;
 }
 
 }  // namespace
@@ -230,18 +220,9 @@ void Instance::Step(double point, double size) {
   }
   SetControls(static_cast<double>(steps) * dt);
   ForgetOutputs();
-  report_ = {};
-  std::optional<ControlMove> move;
-  if (moves) move.emplace(simulation_, steps);
-  bool finite = true;
-  for (int i = 0; i < steps && finite; ++i) {
-    ApplyWrenches(i);
-    const StepReport report = move ? move->Step(simulation_) : simulation_.Step();
-    Add(report, report_);
-    finite = report.finite;
-  }
+  report_ = internal::RunSteps(simulation_, steps, moves, [&](int i) { ApplyWrenches(i); });
   std::fill(derivatives_.begin(), derivatives_.end(), 0);
-  if (finite) return;
+  if (report_.finite) return;
   throw Refused{
       {ErrorCode::kNumerics, Join("step at ", time(), " s"),
        "could not be solved even in its shortest parts and was undone; export the model with a smaller "
@@ -314,9 +295,12 @@ void Instance::UpdateSensors() {
 }
 
 void Instance::UpdateReport() {
-  const double numbers[fmi::kNumReportVariables] = {report_.contacts,    report_.max_penetration,
-                                                    report_.residual,    report_.stage_residual,
-                                                    report_.unconverged, report_.halved};
+  const double numbers[fmi::kNumReportVariables] = {static_cast<double>(report_.contacts),
+                                                    report_.max_penetration,
+                                                    report_.residual,
+                                                    report_.stage_residual,
+                                                    static_cast<double>(report_.unconverged),
+                                                    static_cast<double>(report_.halved)};
   std::copy(numbers, numbers + fmi::kNumReportVariables, values_.data() + variables_.first_report);
 }
 

@@ -15,6 +15,7 @@
 
 #include "base/refused.hpp"
 #include "fmi/variables.hpp"
+#include "sim/step_totals.hpp"
 
 namespace fork1s::fmu {
 
@@ -77,7 +78,7 @@ class Instance {
   std::vector<double> derivatives_;  // of inputs, in the next communication step
   std::vector<bool> told_beyond_;    // per variable: that it was outside its range
   bool has_bodies_ = false, has_joints_ = false, has_sensors_ = false;  // values_ are those of now
-  fmi::Report report_;
+  internal::StepTotals report_;
   std::optional<Sensors> sensors_;
   std::unique_ptr<const State> start_;
 };
@@ -88,7 +89,7 @@ struct Instance::State {
   Phase phase = Phase::kInstantiated;
   double start_time = 0;
   std::vector<double> inputs, derivatives;
-  fmi::Report report;
+  internal::StepTotals report;
 };
 
 // What the functions of both versions do the same.

@@ -148,23 +148,6 @@ void TurnFreely(const RigidParts& parts, double t, MaterialVelocities& v) {
   }
 }
 
-double KineticProduct(const RigidParts& parts, const MaterialVelocities& v, const MaterialVelocities& y) {
-  double sum = 0;
-  for (int i = 0; i < parts.size(); ++i) {
-    const SpatialInertia& I = parts.parts[static_cast<std::size_t>(i)].inertia_R0;
-    if (I.mass == 0) continue;
-    sum += I.mass * v.c_dot.col(i).dot(y.c_dot.col(i)) + v.omega.col(i).dot(I.rotational * y.omega.col(i));
-  }
-  return sum;
-}
-
-void SubtractFrom(const MaterialVelocities& y, const Matrix3& R_now_then, MaterialVelocities& x) {
-  for (Eigen::Index i = 0; i < x.c_dot.cols(); ++i) {
-    x.c_dot.col(i) = y.c_dot.col(i) - R_now_then * x.c_dot.col(i);
-    x.omega.col(i) = y.omega.col(i) - x.omega.col(i);
-  }
-}
-
 void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
                  const Matrix3& R_now_then, double factor, Matrix6X& F) {
   for (int i = 0; i < parts.size(); ++i) {
@@ -176,32 +159,6 @@ void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const Ma
     const Vector3 spin = X.rotation() * (part.inertia_R0.rotational * v.omega.col(i));
     F.col(i).head<3>() += (X * part.inertia_R0.center).cross(p) + factor * spin;
     F.col(i).tail<3>() += p;
-  }
-}
-
-void OwnMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
-                 Matrix6X& F) {
-  for (int i = 0; i < parts.size(); ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const SpatialInertia& I = parts.parts[at].inertia_R0;
-    if (I.mass == 0) {
-      F.col(i).setZero();
-      continue;
-    }
-    F.col(i).head<3>().noalias() = PoseOf(kinematics, at).rotation() * (I.rotational * v.omega.col(i));
-    F.col(i).tail<3>() = I.mass * v.c_dot.col(i);
-  }
-}
-
-void CarryMomentum(const RigidParts& parts, const Kinematics& kinematics, const Matrix3& R_now_then,
-                   Matrix6X& F) {
-  for (int i = 0; i < parts.size(); ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const SpatialInertia& I = parts.parts[at].inertia_R0;
-    if (I.mass == 0) continue;
-    const Vector3 p = R_now_then * F.col(i).tail<3>(), spin = R_now_then * F.col(i).head<3>();
-    F.col(i).head<3>() = spin + (PoseOf(kinematics, at) * I.center).cross(p);
-    F.col(i).tail<3>() = p;
   }
 }
 

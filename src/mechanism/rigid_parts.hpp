@@ -49,24 +49,11 @@ void ComputeMaterialVelocities(const Mechanism& mechanism, const RigidParts& par
 /// ω of every part after it turned freely for a time t [s], as TurnFreely of one body has it.
 void TurnFreely(const RigidParts& parts, double t, MaterialVelocities& v);
 
-/// <v, y> of all parts [J].
-double KineticProduct(const RigidParts& parts, const MaterialVelocities& v, const MaterialVelocities& y);
-
-/// x <- y - x with ċ of x turned by `R_now_then` first.
-void SubtractFrom(const MaterialVelocities& y, const Matrix3& R_now_then, MaterialVelocities& x);
-
 /// F [6 x parts] += factor times the momentum of velocities `v` as the parts of `kinematics` feel it: the
 /// wrench p in R about R's origin with p·V = <v, velocity under V>. `R_now_then` turns the axes of R then to
 /// those now.
 void AddMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
                  const Matrix3& R_now_then, double factor, Matrix6X& F);
-
-/// F [6 x parts] <- momentum of every part about its own centre, [spin; linear] in R.
-void OwnMomentum(const RigidParts& parts, const Kinematics& kinematics, const MaterialVelocities& v,
-                 Matrix6X& F);
-/// F of OwnMomentum <- the wrench by which the parts of another pose feel it, as AddMomentum has them.
-void CarryMomentum(const RigidParts& parts, const Kinematics& kinematics, const Matrix3& R_now_then,
-                   Matrix6X& F);
 
 /// Centre of mass of the whole in R.
 Vector3 CenterOfParts(const RigidParts& parts, const Kinematics& kinematics);

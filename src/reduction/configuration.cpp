@@ -208,15 +208,6 @@ void Curve(const ReducedModel& model, const ReducedState& state, Configuration& 
 
 }  // namespace
 
-void Configuration::TakeLoops(const Configuration& other) {
-  mu = other.mu;
-  A = other.A;
-  factor = other.factor;
-  q_bar_before = other.q_bar_before;
-  mu_before = other.mu_before;
-  foresees = other.foresees;
-}
-
 void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out) {
   if (!Start(model, state, out)) return;
   if (model.curvature.exists()) return Curve(model, state, out);

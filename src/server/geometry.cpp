@@ -8,6 +8,7 @@
 #include <set>
 
 #include "byte_writer.hpp"
+#include "geometry/shape_sizes.hpp"
 #include "geometry/surface.hpp"
 #include "record/png.hpp"
 #include "scene_description.hpp"
@@ -49,37 +50,25 @@ int MeshTable::Number(const HeightGrid& grid) {
   return Number(&grid, *mesh);
 }
 
-Json Numbers(std::initializer_list<double> values) {
+Json Numbers(const std::vector<double>& values) {
   Json out = Json::array();
   for (double v : values) out.push_back(std::isfinite(v) ? v : 0.0);
   return out;
 }
 
-struct SizeOf {
-  Json& out;
-  MeshTable& meshes;
-  const GeometryDef& geometry;
-  void operator()(const Plane& s) const {
-    out["size"] = Numbers({s.half_x, s.half_y});
-    if (!geometry.picture) return;
-    out["picture"] = meshes.Number(*geometry.picture);
-    out["repeat"] = Numbers({geometry.picture_x, geometry.picture_y});
-  }
-  void operator()(const Sphere& s) const { out["size"] = Numbers({s.radius}); }
-  void operator()(const Capsule& s) const { out["size"] = Numbers({s.radius, s.half_length}); }
-  void operator()(const Cylinder& s) const { out["size"] = Numbers({s.radius, s.half_length}); }
-  void operator()(const Ellipsoid& s) const {
-    out["size"] = Numbers({s.radii.x(), s.radii.y(), s.radii.z()});
-  }
-  void operator()(const Box& s) const { out["size"] = Numbers({s.half.x(), s.half.y(), s.half.z()}); }
-  void operator()(const MeshShape& s) const {
-    out["mesh"] = meshes.Number(*s.mesh);
-    if (!geometry.picture || s.mesh->corner_uv.empty()) return;
-    out["picture"] = meshes.Number(*geometry.picture);
-    meshes.pictured.insert(s.mesh.get());
-  }
-  void operator()(const HeightField& s) const { out["mesh"] = meshes.Number(*s.grid); }
-};
+void AddShape(const GeometryDef& g, MeshTable& meshes, Json& out) {
+  const std::vector<double> sizes = internal::ShapeSizes(g.shape);
+  if (!sizes.empty()) out["size"] = Numbers(sizes);
+  const auto* mesh = std::get_if<MeshShape>(&g.shape);
+  const auto* field = std::get_if<HeightField>(&g.shape);
+  const bool is_plane = std::holds_alternative<Plane>(g.shape);
+  if (mesh) out["mesh"] = meshes.Number(*mesh->mesh);
+  if (field) out["mesh"] = meshes.Number(*field->grid);
+  if (!g.picture || !(is_plane || (mesh && !mesh->mesh->corner_uv.empty()))) return;
+  out["picture"] = meshes.Number(*g.picture);
+  if (is_plane) out["repeat"] = Numbers({g.picture_x, g.picture_y});
+  if (mesh) meshes.pictured.insert(mesh->mesh.get());
+}
 
 Json Collect(const Simulation& simulation, MeshTable& meshes) {
   Json shapes = Json::array();
@@ -95,7 +84,7 @@ Json Collect(const Simulation& simulation, MeshTable& meshes) {
       one["rgba"] = Numbers({g.rgba(0), g.rgba(1), g.rgba(2), g.rgba(3)});
       one["group"] = g.group;
       one["collides"] = g.Collides();
-      std::visit(SizeOf{one, meshes, g}, g.shape);
+      AddShape(g, meshes, one);
       shapes.push_back(std::move(one));
     }
   };

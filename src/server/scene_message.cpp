@@ -9,6 +9,7 @@
 #include "server/live_simulation.hpp"
 #include "server/pull_spring.hpp"
 #include "signals.hpp"
+#include "sim/driven_base.hpp"
 
 namespace fork1s {
 namespace {
@@ -208,8 +209,7 @@ std::string LiveSimulation::SceneMessage() const {
   }
   for (; next < simulation_.control_names().size(); ++next) {
     const std::string& name = simulation_.control_names()[next];
-    const bool turns = name.size() > 3 && name[name.size() - 2] == 'r';
-    const double span = turns ? 1.6 : radius;
+    const double span = internal::IsBaseRotation(simulation_, static_cast<int>(next)) ? 1.6 : radius;
     out["controls"].push_back(
         {{"name", name}, {"range", {-span, span}}, {"base", true}, {"joints", Json::array()}});
   }

@@ -84,9 +84,9 @@ def fit_stiffness(
     """
     try:
         from scipy.optimize import least_squares
-    except ModuleNotFoundError as error:
+    except ModuleNotFoundError as missing:
         raise ModuleNotFoundError(
-            "fit_stiffness needs scipy: pip install 'fork1s[sweep]'", name=error.name
+            "fit_stiffness needs scipy: pip install 'fork1s[sweep]'", name=missing.name
         ) from None
     wanted = _wanted(model, target)
     now = model.stiffnesses

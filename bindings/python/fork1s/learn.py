@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 import numpy.typing as npt
@@ -30,8 +30,12 @@ from ._render import Renderer
 from ._sb3 import adapter_class
 from ._tasks import TASKS, GraspLift, Now, PegInsertion, Quadruped, Task
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack  # that of typing is of Python 3.11
+
 __all__ = [
     "Environment",
+    "EnvironmentOptions",
     "GraspLift",
     "Now",
     "PegInsertion",
@@ -58,6 +62,17 @@ class Picture:
     camera: str | None = None
 
 
+class EnvironmentOptions(TypedDict, total=False):
+    """Arguments of every kind of environment; Environment explains them."""
+
+    randomise: Randomise
+    model: Any
+    observe: Sequence[str]
+    max_episode_steps: int | None
+    render_mode: str | None
+    picture: Picture | None
+
+
 class _Members:
     """A task on a batch: what both kinds of environment are made of."""
 
@@ -65,13 +80,15 @@ class _Members:
         self,
         task: type[Task],
         count: int,
-        randomise: Randomise,
         threads: int | None,
-        model: Any,
-        observe: Sequence[str],
-        max_episode_steps: int | None,
-        render_mode: str | None,
-        picture: Picture | None,
+        /,
+        *,
+        randomise: Randomise = True,
+        model: Any = None,
+        observe: Sequence[str] = (),
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        picture: Picture | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise UsageError(f"render_mode is {render_mode!r}; give 'rgb_array' or None")
@@ -99,6 +116,7 @@ class _Members:
         width = task.observations + sum(self.now.sensors[name].shape[1] for name in self.observed)
         self.observation_space = gymnasium.spaces.Box(-_LARGEST, _LARGEST, (width,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1, 1, (task.actions,), np.float32)
+        self.render_mode = render_mode
         self.picture = Picture() if picture is None else picture
         self.renderer = (
             None
@@ -264,21 +282,9 @@ class Environment(gymnasium.Env):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 30}
 
-    def __init__(
-        self,
-        task: type[Task],
-        *,
-        randomise: Randomise = True,
-        model: Any = None,
-        observe: Sequence[str] = (),
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
-        picture: Picture | None = None,
-    ) -> None:
-        self.render_mode = render_mode
-        self.members = _Members(
-            task, 1, randomise, 1, model, observe, max_episode_steps, render_mode, picture
-        )
+    def __init__(self, task: type[Task], **options: Unpack[EnvironmentOptions]) -> None:
+        self.members = _Members(task, 1, 1, **options)
+        self.render_mode = self.members.render_mode
         self.metadata = self.members.metadata
         self.observation_space = self.members.observation_space
         self.action_space = self.members.action_space
@@ -328,19 +334,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         num_envs: int,
         task: type[Task],
         *,
-        randomise: Randomise = True,
         threads: int | None = None,
-        model: Any = None,
-        observe: Sequence[str] = (),
-        max_episode_steps: int | None = None,
-        render_mode: str | None = None,
-        picture: Picture | None = None,
+        **options: Unpack[EnvironmentOptions],
     ) -> None:
         self.num_envs = num_envs
-        self.render_mode = render_mode
-        self.members = _Members(
-            task, num_envs, randomise, threads, model, observe, max_episode_steps, render_mode, picture
-        )
+        self.members = _Members(task, num_envs, threads, **options)
+        self.render_mode = self.members.render_mode
         self.metadata = {**self.metadata, **self.members.metadata}
         self.single_observation_space = self.members.observation_space
         self.single_action_space = self.members.action_space
@@ -424,13 +423,8 @@ def sb3(
     task: type[Task],
     num_envs: int,
     *,
-    randomise: Randomise = True,
     threads: int | None = None,
-    model: Any = None,
-    observe: Sequence[str] = (),
-    max_episode_steps: int | None = None,
-    render_mode: str | None = None,
-    picture: Picture | None = None,
+    **options: Unpack[EnvironmentOptions],
 ) -> Any:
     """A VecEnv of Stable-Baselines3 whose members step as one batch.
 
@@ -445,11 +439,9 @@ def sb3(
     Raises:
         ModuleNotFoundError: without the package stable-baselines3.
     """
-    members = _Members(
-        task, num_envs, randomise, threads, model, observe, max_episode_steps, render_mode, picture
-    )
+    members = _Members(task, num_envs, threads, **options)
     return adapter_class()(
-        members, render_mode, lambda seeds, before: _generators_of(seeds, num_envs, before)
+        members, members.render_mode, lambda seeds, before: _generators_of(seeds, num_envs, before)
     )
 
 

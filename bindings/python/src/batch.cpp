@@ -140,7 +140,7 @@ BatchReport Batch::Step(const double* controls, int steps, bool move) {
   const auto start = std::chrono::steady_clock::now();
   ReleasedGil gil;
   // Of each member, across pauses.
-  std::vector<StepsReport> reports(count);
+  std::vector<internal::StepTotals> reports(count);
   std::vector<std::optional<ControlMove>> moves(count);
   std::vector<int> made(count);
   WithCallMutex(mutex_, "Batch", [&] {
@@ -153,7 +153,7 @@ BatchReport Batch::Step(const double* controls, int steps, bool move) {
     OnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
       Simulation& simulation = simulations_[at];
-      StepsReport& report = reports[at];
+      internal::StepTotals& report = reports[at];
       for (; made[at] < steps && report.finite; ++made[at]) {
         if (gil.IsPauseDue()) return false;
         report.Add(moves[at] ? moves[at]->Step(simulation) : simulation.Step(), simulation.world());

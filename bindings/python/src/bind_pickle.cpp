@@ -55,9 +55,9 @@ auto WithoutGil(F&& f) {
   return f();
 }
 
-NumberList ListOf(const std::vector<Push>& pushes) {
+NumberList ListOf(const std::vector<internal::BodyPush>& pushes) {
   NumberList all;
-  for (const Push& p : pushes) {
+  for (const internal::BodyPush& p : pushes) {
     all.push_back(p.body);
     for (const Vector3* v : {&p.force_W, &p.moment_W, &p.point_B})
       all.insert(all.end(), v->data(), v->data() + 3);
@@ -65,10 +65,10 @@ NumberList ListOf(const std::vector<Push>& pushes) {
   return all;
 }
 
-std::vector<Push> PushesOf(const NumberList& all, const char* what) {
+std::vector<internal::BodyPush> PushesOf(const NumberList& all, const char* what) {
   constexpr std::size_t kNumbers = 10;
   if (all.size() % kNumbers != 0) RefusePickle(what, "has pushes that are cut off");
-  std::vector<Push> pushes;
+  std::vector<internal::BodyPush> pushes;
   for (std::size_t at = 0; at < all.size(); at += kNumbers) {
     const auto vector = [&](std::size_t k) {
       return Vector3(Eigen::Map<const Vector3>(all.data() + at + k));

@@ -17,6 +17,7 @@
 #include "arrays.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
+#include "geometry/shape_sizes.hpp"
 #include "geometry/surface.hpp"
 #include "record/body_names.hpp"
 #include "record/columns.hpp"
@@ -123,18 +124,6 @@ std::vector<RecordedShape> Shapes(const std::shared_ptr<const Reader>& reader) {
   return shapes;
 }
 
-// The numbers of a shape, as fork1s/geometry/shape.hpp names them.
-struct SizeOf {
-  std::vector<double> operator()(const Plane& s) const { return {s.half_x, s.half_y}; }
-  std::vector<double> operator()(const Sphere& s) const { return {s.radius}; }
-  std::vector<double> operator()(const Capsule& s) const { return {s.radius, s.half_length}; }
-  std::vector<double> operator()(const Cylinder& s) const { return {s.radius, s.half_length}; }
-  std::vector<double> operator()(const Ellipsoid& s) const { return {s.radii(0), s.radii(1), s.radii(2)}; }
-  std::vector<double> operator()(const Box& s) const { return {s.half(0), s.half(1), s.half(2)}; }
-  std::vector<double> operator()(const MeshShape&) const { return {}; }
-  std::vector<double> operator()(const HeightField&) const { return {}; }
-};
-
 nb::tuple TrianglesOf(const RecordedShape& shape) {
   Surface surface;
   try {
@@ -189,7 +178,7 @@ void BindRecording(nb::module_& m) {
           "kind", [](const RecordedShape& s) { return std::string(ShapeName(s.geometry->shape)); },
           "`plane`, `sphere`, `capsule`, `cylinder`, `ellipsoid`, `box`, `mesh` or `heightfield`.")
       .def_prop_ro(
-          "size", [](const RecordedShape& s) { return ToArray(std::visit(SizeOf{}, s.geometry->shape)); },
+          "size", [](const RecordedShape& s) { return ToArray(internal::ShapeSizes(s.geometry->shape)); },
           "m: half sides, radii, or radius and half length along z without caps. A plane has 0 where it has no "
           "end.",
           kOwn, nb::sig(array("size").c_str()))

@@ -18,7 +18,7 @@ using RunnerPtr = std::shared_ptr<Runner>;
 
 void PushBody(Runner& runner, const std::string& body, const nb::object& force, const nb::object& torque,
               const nb::object& point) {
-  Push push;
+  internal::BodyPush push;
   push.body = runner.FindBody(body);
   push.force_W = ReadOrZero(force, "force");
   push.moment_W = ReadOrZero(torque, "torque");
@@ -30,7 +30,7 @@ void PushBody(Runner& runner, const std::string& body, const nb::object& force, 
   runner.AddPush(push);
 }
 
-StepsReport StepMany(Runner& runner, const Whole& steps, bool move) {
+internal::StepTotals StepMany(Runner& runner, const Whole& steps, bool move) {
   return runner.Step(steps.Within("steps", 0), move);
 }
 
@@ -52,34 +52,39 @@ void SetDetail(Runner& runner, const std::optional<std::string>& level, const st
 }
 
 void BindStepReport(nb::module_& m) {
-  nb::class_<StepsReport>(m, "StepReport", "What the steps of one call of `Simulation.step` were like.")
-      .def_ro("steps", &StepsReport::steps, "Steps made: fewer than asked for where one was not finite.")
-      .def_ro("contacts", &StepsReport::contacts, "Contact points in the last step.")
-      .def_ro("limits", &StepsReport::limits, "Joint limits that acted in the last step.")
-      .def_ro("forces_at_bound", &StepsReport::forces_at_bound,
+  nb::class_<internal::StepTotals>(m, "StepReport",
+                                   "What the steps of one call of `Simulation.step` were like.")
+      .def_ro("steps", &internal::StepTotals::steps,
+              "Steps made: fewer than asked for where one was not finite.")
+      .def_ro("contacts", &internal::StepTotals::contacts, "Contact points in the last step.")
+      .def_ro("limits", &internal::StepTotals::limits, "Joint limits that acted in the last step.")
+      .def_ro("forces_at_bound", &internal::StepTotals::forces_at_bound,
               "Servos and motors that gave all they can in the last step.")
-      .def_ro("max_penetration", &StepsReport::max_penetration, "m, the deepest of all steps.")
-      .def_ro("residual", &StepsReport::residual, "Of the contact solver, relative; the worst of all steps.")
-      .def_ro("unconverged", &StepsReport::unconverged,
+      .def_ro("max_penetration", &internal::StepTotals::max_penetration, "m, the deepest of all steps.")
+      .def_ro("residual", &internal::StepTotals::residual,
+              "Of the contact solver, relative; the worst of all steps.")
+      .def_ro("unconverged", &internal::StepTotals::unconverged,
               "Steps whose contacts or stages were not solved to tolerance.")
-      .def_ro("halved_steps", &StepsReport::halved,
+      .def_ro("halved_steps", &internal::StepTotals::halved,
               "Two-stage: steps that were taken as two of half the length or more, for an impact, a force "
               "that came to its "
               "limit or from it, or a stage that did not converge.")
-      .def_ro("halved_by", &StepsReport::halved_by,
+      .def_ro("halved_by", &internal::StepTotals::halved_by,
               "What the last of them was halved for, by name; empty: none.")
-      .def_prop_ro("newton_iterations", &StepsReport::mean_newton_iterations,
+      .def_prop_ro("newton_iterations", &internal::StepTotals::mean_newton_iterations,
                    "Two-stage: mean over all stages; 0 for other integrators.")
-      .def_ro("max_newton_iterations", &StepsReport::max_newton_iterations,
+      .def_ro("max_newton_iterations", &internal::StepTotals::max_newton_iterations,
               "Two-stage: of the stage that took most.")
       .def_ro(
-          "stage_residual", &StepsReport::stage_residual,
+          "stage_residual", &internal::StepTotals::stage_residual,
           "Two-stage, m: by how much another Newton iteration would move something; the worst of all stages.")
-      .def_ro("stage_residual_of", &StepsReport::stage_residual_of, "Whose residual that is, by name.")
-      .def_ro("refreshes", &StepsReport::refreshes, "Times that the reduced model was taken anew.")
+      .def_ro("stage_residual_of", &internal::StepTotals::stage_residual_of,
+              "Whose residual that is, by name.")
+      .def_ro("refreshes", &internal::StepTotals::refreshes, "Times that the reduced model was taken anew.")
       .def_prop_ro(
           "refreshes_by_cause",
-          [](const StepsReport& r) -> nb::typed<nb::dict, nb::str, nb::typed<nb::dict, nb::str, nb::any>> {
+          [](const internal::StepTotals& r)
+              -> nb::typed<nb::dict, nb::str, nb::typed<nb::dict, nb::str, nb::any>> {
             nb::dict out;
             for (std::size_t i = 0; i < r.refreshes_by_cause.size(); ++i) {
               const RelinearizationTotal& total = r.refreshes_by_cause[i];
@@ -95,20 +100,21 @@ void BindStepReport(nb::module_& m) {
           "Why: 'turned_joint', since the last time; 'missing_load', a load whose displacement the "
           "coordinates lack; 'loop_gap', by curved recovery. Each has its 'count', the 'largest' "
           "displacement with its 'unit' and, by name, whose it was ('of').")
-      .def_ro("failed_refreshes", &StepsReport::failed_refreshes,
+      .def_ro("failed_refreshes", &internal::StepTotals::failed_refreshes,
               "Times that it could not be; the old one stays.")
       .def_ro(
-          "expanded_steps", &StepsReport::expanded_steps,
+          "expanded_steps", &internal::StepTotals::expanded_steps,
           "Steps in which a mechanism went by an expansion (recovery 'expanded'); the others went by exact "
           "poses.")
-      .def_ro("expansions", &StepsReport::expansions,
+      .def_ro("expansions", &internal::StepTotals::expansions,
               "Times that one was expanded anew, beside those with a refresh.")
-      .def_ro("contacts_dropped", &StepsReport::contacts_dropped, "The collision detector ran out of room.")
-      .def_ro("finite", &StepsReport::finite,
+      .def_ro("contacts_dropped", &internal::StepTotals::contacts_dropped,
+              "The collision detector ran out of room.")
+      .def_ro("finite", &internal::StepTotals::finite,
               "False: a step gave numbers that are not finite, or could not be solved even in its shortest "
               "parts, and was "
               "undone; the state is that before it.")
-      .def("__repr__", [](const StepsReport& r) {
+      .def("__repr__", [](const internal::StepTotals& r) {
         return "<fork1s.StepReport steps=" + std::to_string(r.steps) +
                " contacts=" + std::to_string(r.contacts) + " unconverged=" + std::to_string(r.unconverged) +
                (r.finite ? ">" : " NOT FINITE>");

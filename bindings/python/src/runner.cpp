@@ -11,34 +11,6 @@
 
 namespace fork1s::python {
 
-void StepsReport::Add(const StepReport& step, const World& world) {
-  contacts = step.contacts;
-  limits = step.limits;
-  forces_at_bound = step.forces_at_bound;
-  max_penetration = std::max(max_penetration, step.max_penetration);
-  residual = std::max(residual, step.solver.residual);
-  unconverged += step.solver.converged && step.stages_converged ? 0 : 1;
-  stages += step.stages;
-  stage_iterations += step.stage_iterations;
-  max_newton_iterations = std::max(max_newton_iterations, step.max_stage_iterations);
-  if (step.stage_residual > stage_residual) {
-    stage_residual = step.stage_residual;
-    stage_residual_of = world.NameOf(step.stage_residual_of);
-  }
-  if (step.halving != HalvingCause::kNone) {
-    ++halved;
-    halved_by = world.NameOf(step.halving_of);
-  }
-  refreshes += step.refreshes;
-  AddRelinearizations(step, world, refreshes_by_cause);
-  failed_refreshes += step.failed_refreshes;
-  expansions += step.expansions;
-  expanded_steps += step.by_expansion > 0 ? 1 : 0;
-  contacts_dropped = contacts_dropped || step.contacts_dropped;
-  finite = finite && step.finite;
-  if (step.finite) ++steps;
-}
-
 SimulationOptions OptionsOf(const Model& model, const RunOptions& given) {
   SimulationOptions options;
   options.dt = given.dt;
@@ -87,10 +59,10 @@ Runner::Content Runner::GetContent() {
           error_.has_value()};
 }
 
-StepsReport Runner::Step(int steps, bool move) {
+internal::StepTotals Runner::Step(int steps, bool move) {
   ReleasedGil others_run;
-  StepsReport report;
-  std::vector<Push> pushes;
+  internal::StepTotals report;
+  std::vector<internal::BodyPush> pushes;
   std::vector<AppliedWrench> wrenches;
   std::optional<ControlMove> controls;
   {
@@ -103,7 +75,7 @@ StepsReport Runner::Step(int steps, bool move) {
     if (others_run.IsPauseDue() && others_run.Pause()) break;
     const std::lock_guard lock(mutex_);
     wrenches.clear();
-    for (const Push& p : pushes)
+    for (const internal::BodyPush& p : pushes)
       wrenches.push_back({p.body, p.force_W, p.moment_W, simulation_.Pose(p.body) * p.point_B});
     ApplyWrenches(wrenches, simulation_);
     if (error_) error_->BeginStep(simulation_);
@@ -279,7 +251,7 @@ double Runner::Time() {
   return time_before_ + simulation_.time();
 }
 
-void Runner::AddPush(const Push& push) {
+void Runner::AddPush(const internal::BodyPush& push) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   pushes_.push_back(push);

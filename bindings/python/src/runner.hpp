@@ -5,7 +5,6 @@
 #include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
-#include <fork1s/sim/tally.hpp>
 #include <map>
 #include <memory>
 #include <optional>
@@ -17,6 +16,7 @@
 #include "released_gil.hpp"
 #include "sensor_values.hpp"
 #include "sim/error_figure.hpp"
+#include "sim/step_totals.hpp"
 
 namespace fork1s::python {
 
@@ -28,42 +28,11 @@ struct RunOptions {
   Integrator integrator = Integrator::kTwoStage;
 };
 
-/// What a call of `step` tells of all its steps.
-struct StepsReport {
-  int steps = 0;  // that were made: fewer than asked for where one was not finite
-  int contacts = 0, limits = 0, forces_at_bound = 0;  // in the last step
-  double max_penetration = 0;                         // m, in any step
-  double residual = 0;                                // of the contact solver, the worst
-  int unconverged = 0;                                // steps
-  int halved = 0;                                     // steps, two-stage
-  std::int64_t stages = 0, stage_iterations = 0;      // two-stage
-  int max_newton_iterations = 0;                      // of a stage
-  double stage_residual = 0;                          // m, the worst
-  std::string halved_by, stage_residual_of;           // names; empty: none
-  int refreshes = 0, failed_refreshes = 0;
-  int expansions = 0, expanded_steps = 0;
-  RelinearizationTotals refreshes_by_cause;
-  bool contacts_dropped = false;
-  bool finite = true;
-
-  double mean_newton_iterations() const {
-    return stages > 0 ? static_cast<double>(stage_iterations) / static_cast<double>(stages) : 0;
-  }
-  void Add(const StepReport& step, const World& world);
-};
-
 /// The error figure of all steps so far.
 struct ErrorFigureReport {
   std::vector<fork1s::internal::ErrorFigure::Body> bodies;
   fork1s::internal::ErrorFigure::Largest largest;
   std::vector<std::string> warnings;
-};
-
-/// A wrench on a point of a body through all steps of the next call.
-struct Push {
-  int body = 0;
-  Vector3 force_W, moment_W;  // N, N·m
-  Vector3 point_B;            // m
 };
 
 /// Options that a simulation of this model is made with. Throws Refused.
@@ -83,7 +52,7 @@ class Runner {
   struct Content {
     SimulationContent simulation;
     double time_before = 0, state_change = 0;  // s; rad or m
-    std::vector<Push> pushes;
+    std::vector<internal::BodyPush> pushes;
     bool estimates_error = false;
   };
   Content GetContent();
@@ -95,7 +64,7 @@ class Runner {
   /// longer, of a signal whose handler raises; the state is then that after the last step made.
   /// move: controls move linearly over the steps, from where the last step left them, else they are held. One
   /// that is set meanwhile is where it moves to from then on.
-  StepsReport Step(int steps, bool move);
+  internal::StepTotals Step(int steps, bool move);
   /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
   void SetState(const KeyframeDef& state);
   /// Largest difference [rad or m] between a joint coordinate as SetState was given it and what it became with loops
@@ -122,12 +91,12 @@ class Runner {
   SensorValues ReadActuatorForces();
   /// s since the beginning, through all states that were set.
   double Time();
-  void AddPush(const Push& push);
+  void AddPush(const internal::BodyPush& push);
   /// A moment to come back to: the simulation's, the clock and the pushes of the next call.
   struct Snapshot {
     Simulation::Snapshot simulation;
     double time_before = 0;  // s
-    std::vector<Push> pushes;
+    std::vector<internal::BodyPush> pushes;
     double dt = 0;                                          // s
     std::vector<std::pair<std::string, double>> stiffness;  // of every joint freedom, by its joint
     std::optional<fork1s::internal::ErrorFigure::Snapshot> error;
@@ -164,7 +133,7 @@ class Runner {
   std::string recording_;        // the file of the last recording
   /// What a recording has no word for is refused while one goes on.
   void RefuseWhileRecording(const char* what);
-  std::vector<Push> pushes_;
+  std::vector<internal::BodyPush> pushes_;
   std::optional<fork1s::internal::ErrorFigure> error_;
   double time_before_ = 0;   // s, of simulations that set_state replaced
   double state_change_ = 0;  // rad or m

@@ -155,10 +155,6 @@ struct Configuration {
   LoopFactor factor;                // of A B at some pose before
   VectorX q_bar_before, mu_before;  // of that pose
   bool foresees = false;            // its loops were closed: these tell how µ goes on
-
-  /// Corrections start from where those of `other`, at a pose near by, ended; nothing else is taken. No
-  /// allocation.
-  void TakeLoops(const Configuration& other);
 };
 
 constexpr int kMostCorrections = 60;
