@@ -147,7 +147,7 @@ void BeginStep(const MechanismStep& here, double h, double b, bool by_chord, con
                           ws.floating.linear_W + b * (AppliedForce(here) +
                                                       ws.mass.M_00(5, 5) * state.acceleration.segment<3>(3)));
   ws.matrix.b = 0;
-  ws.matrix.is_inertial = false;
+  ws.matrix.of_parts = GeometricStiffness::kNone;
 }
 
 namespace {

@@ -19,6 +19,9 @@ struct MechanismModel;      // mechanism_model.hpp
 struct MechanismWorkspace;  // src/stepping/mechanism_workspace.hpp
 struct VelocityRange;       // mechanism_model.hpp
 
+/// Of what accelerates the parts, in the matrix of a stage: light links that a heavy body stretches.
+enum class GeometricStiffness { kNone, kOfWeight, kOfWeightAndInertia };
+
 /// What moves.
 struct MechanismStep {
   const MechanismModel& model;
@@ -117,9 +120,9 @@ void EvaluateStage(const MechanismStep& here, double b);
 void SolveFreeStage(const MechanismStep& here, double b);
 /// A and its factor, but for stiffness that the pose changes, before the first pose.
 void StartStageMatrix(const MechanismStep& here, double b);
-/// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve. `inertial`:
-/// with the geometric stiffness of what accelerates the parts, where it stays positive definite.
-void RenewStageMatrix(const MechanismStep& here, bool inertial);
+/// The matrix of the stage is made anew, with the inertia of the pose at hand, by the next solve, and where it stays
+/// positive definite with the geometric stiffness of weight or of all that accelerates the parts.
+void RenewStageMatrix(const MechanismStep& here, GeometricStiffness of_parts);
 /// Of a Newton iteration [m], in the kinetic metric.
 struct StageChange : StageMotion {
   double change = 0;  // of position, that this one makes

@@ -13,6 +13,7 @@
 #include "linalg/cholesky.hpp"
 #include "reduction/reduced_jacobian.hpp"
 #include "stepping/mechanism_model.hpp"
+#include "stepping/mechanism_step.hpp"
 
 namespace fork1s {
 
@@ -97,7 +98,7 @@ struct StageMatrix {
   Cholesky factor;   // of A
   double b = 0;      // s: length of the stages that it is of, 0 for none
   bool is_definite = false;
-  bool is_inertial = false;                        // with AddInertialStiffness()
+  GeometricStiffness of_parts = GeometricStiffness::kNone;
   std::vector<signed char> at_bound, slack_sides;  // saturation that it is of
 };
 

@@ -47,9 +47,9 @@ void ComputeMatrix(const MechanismStep& here, double b) {
     SubtractSaturatedStiffness(here, b);
   }
   bool has_factor = false;
-  if (ws.matrix.is_inertial && !ws.expansion.in_use) {
+  if (ws.matrix.of_parts != GeometricStiffness::kNone && !ws.expansion.in_use) {
     ws.matrix.A_before = ws.matrix.A;
-    AddInertialStiffness(here, b);
+    AddGeometricStiffness(here, b, ws.matrix.of_parts);
     has_factor = ws.matrix.factor.Compute(ws.matrix.A);
     if (!has_factor) ws.matrix.A = ws.matrix.A_before;  // compressed: the iteration goes on without it
   }
@@ -90,10 +90,10 @@ void StartStageMatrix(const MechanismStep& here, double b) {
     here.work.matrix.is_definite = here.work.matrix.factor.Compute(here.work.matrix.A);
 }
 
-void RenewStageMatrix(const MechanismStep& here, bool inertial) {
+void RenewStageMatrix(const MechanismStep& here, GeometricStiffness of_parts) {
   UpdateMassMatrix(here);
   here.work.matrix.b = 0;
-  here.work.matrix.is_inertial = inertial;
+  here.work.matrix.of_parts = of_parts;
 }
 
 void UpdateStageMatrix(const MechanismStep& here, double b) {

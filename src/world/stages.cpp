@@ -22,7 +22,7 @@ namespace {
 
 // A stage that takes more Newton iterations, or whose residual grows more often, diverges or cycles: it is
 // halved; one of backward Euler, which falls back to no better scheme, first tries as often as that with
-// inertial stiffness in its matrix (RenewStageMatrix).
+// the geometric stiffness of inertia in its matrix (RenewStageMatrix).
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 
 }  // namespace
@@ -214,8 +214,13 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     }
     if (ends) break;
     is_fresh = found.is_slow || begins_inertial;
-    if (is_fresh)
-      bodies_.ForMechanisms([&](std::size_t i) { RenewStageMatrix(bodies_.mechanisms[i], inertial); });
+    if (!is_fresh) continue;
+    // What is compressed by its weight buckles; the last resort goes without.
+    const GeometricStiffness of_parts = inertial ? GeometricStiffness::kOfWeightAndInertia
+                                        : scheme == StageScheme::kBackwardEuler
+                                            ? GeometricStiffness::kNone
+                                            : GeometricStiffness::kOfWeight;
+    bodies_.ForMechanisms([&](std::size_t i) { RenewStageMatrix(bodies_.mechanisms[i], of_parts); });
   }
   const StepSubject not_finite = FindNotFinite();
   report.halving_of = not_finite.kind == StepSubject::Kind::kNone ? last.subject : not_finite;

@@ -83,6 +83,37 @@ TEST(UnsolvedStage, ASoftChainThatFallsGainsNoEnergy) {
         }
 }
 
+// A ball that hangs from light links by hinges and swings as on a rod: its weight stretches the links, a stiffness
+// that neither springs nor inertia know.
+TEST(UnsolvedStage, AHeavyBallOnLightLinksSwingsAsAPendulum) {
+  for (const double mass_ratio : {1e3, 1e5})
+    for (const double length : {0.1, 1.0, 10.0})
+      for (const double turn : {0.0, 0.7}) {
+        SCOPED_TRACE(::testing::Message()
+                     << "mass ratio " << mass_ratio << ", " << length << " m, turned " << turn);
+        const double mass = 2, start = 0.02, time = 1, rate = std::sqrt(9.81 / length);
+        MechanismDef chain = testing::Chain(3, length / 3, mass / mass_ratio, 1e-7 * mass * 9.81 * length, 0);
+        chain.bodies.back().inertia = testing::Ball(mass, 1e-3 * length);
+        const Matrix3 R = ExpRotation(Vector3(0.3 * turn, -0.5 * turn, turn));
+        chain.X_WR = RigidTransform(R, Vector3(0.1, 0.2, 0.3));
+        double error[2];
+        for (const int halved : {0, 1}) {
+          const double h = halved ? 1.0 / 120 : 1.0 / 60;
+          World world = MustStart(chain, Vector3(start, 0, 0), VectorX::Zero(3), Vector6::Zero(), AllModes());
+          const EnergyCourse c = RunFor(world, testing::TwoStage(h, R * Vector3(9.81, 0, 0)), time);
+          EXPECT_TRUE(c.finite && c.halved == 0 && c.unconverged == 0) << c;
+          const MechanismDynamics& m = world.mechanisms()[0];
+          const Vector3 tip =
+              chain.X_WR.inverse() * m.BodyPose(BodyIndex(m.mechanism().num_bodies() - 1)).translation();
+          error[halved] = std::abs(std::atan2(tip.y(), tip.x()) / start - std::cos(rate * time));
+        }
+        // Of second order; the links are not without mass, and a swing of 0.02 rad is slower by 2.5e-5.
+        const double rest = (1 / mass_ratio + start * start) * rate * time;
+        EXPECT_LT(error[0], 0.1 * std::pow(rate / 60, 2) * rate * time + rest);
+        EXPECT_LT(error[1], 0.3 * error[0] + rest);
+      }
+}
+
 // A push that folds an arm up.
 TEST(UnsolvedStage, AHardPushGivesAnArmNoMoreThanItsWork) {
   for (const double stiffness : {0.3, 3.0})

@@ -161,17 +161,19 @@ void ComputeLoadStiffness(const MechanismStep& here) {
   forces.AddStiffness(ws.loads.K);
 }
 
-void AddInertialStiffness(const MechanismStep& here, double b) {
+void AddGeometricStiffness(const MechanismStep& here, double b, GeometricStiffness of_parts) {
   const auto& [model, state, ws] = here;
   CarriedForces forces(here);
   const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W;
   for (int i = 0; i < model.rigid_parts.size(); ++i) {
     const SpatialInertia& inertia = model.rigid_parts.parts[At(i)].inertia_R0;
     if (inertia.mass == 0) continue;
-    const Vector3 center = i == 0 ? inertia.center
-                                  : Vector3(ws.configuration.kinematics.P[At(i - 1)] * inertia.center),
-                  force = b * (ws.momentum_change.part_impulses.col(i) +
-                               b * inertia.mass * gravity_R);  // times b²
+    const Vector3 center =
+        i == 0 ? inertia.center : Vector3(ws.configuration.kinematics.P[At(i - 1)] * inertia.center);
+    Vector3 impulse = b * inertia.mass * gravity_R;
+    if (of_parts == GeometricStiffness::kOfWeightAndInertia)
+      impulse += ws.momentum_change.part_impulses.col(i);
+    const Vector3 force = b * impulse;  // times b²
     forces.Add(i - 1, {force, center * force.transpose()});
   }
   forces.AddStiffness(ws.matrix.A);

@@ -23,9 +23,9 @@ inline bool HasForcesFromOutside(const MechanismState& state) {
 void AddAppliedWrenches(const MechanismView& here, Matrix6X& F);
 /// loads.K <- geometric stiffness of the loads and of the point spring at the pose at hand.
 void ComputeLoadStiffness(const MechanismStep& here);
-/// A += b² times the geometric stiffness, as of loads, of weight and of the forces (p̂ - p)/b that change the
-/// momenta of the parts within b at the pose and velocity at hand: light links that a heavy body stretches.
-void AddInertialStiffness(const MechanismStep& here, double b);
+/// A += b² times the geometric stiffness, as of loads, of the weight of the parts, with inertia also of the forces
+/// (p̂ - p)/b that change their momenta within b at the pose and velocity at hand.
+void AddGeometricStiffness(const MechanismStep& here, double b, GeometricStiffness of_parts);
 
 // A point spring (point_spring.cpp).
 /// point_spring <- at the pose at hand; f_z and the wrench on the base += its force.
