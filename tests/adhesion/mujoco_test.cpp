@@ -15,12 +15,12 @@ namespace {
 // them, the less so the shorter the step and the larger `impratio`.
 std::string Arm(const std::string& options) {
   return fmt::format(
-      R"(<mujoco><option {}/><default><geom friction='.8' solref='.002 1' solimp='.99 .999 .0001'/></default>
+      R"(<mujoco><option {}/><default><geom friction='.8' solref='.0004 1' solimp='.9999 .9999 .0001'/></default>
     <worldbody><body name='upper'><joint name='shoulder' axis='0 1 0' damping='.2'/>
       <geom type='box' pos='.2 0 0' size='.2 .02 .02' mass='1' contype='0' conaffinity='0'/>
       <body name='cup' pos='.4 0 0'><joint name='elbow' axis='0 1 0' damping='.1'/>
         <geom type='box' pos='.1 0 0' size='.1 .02 .02' mass='.5' contype='0' conaffinity='0'/>
-        <geom type='box' pos='.15 0 -.03' size='.06 .06 .01' mass='.2'/></body></body>
+        <geom type='box' pos='.15 0 -.03' size='.06 .06 .01' mass='.2' gap='.002'/></body></body>
       <body name='box' pos='.55 0 -.07'><freejoint/><geom type='box' size='.04 .04 .03' mass='.5'/></body>
     </worldbody><actuator>
       <position joint='shoulder' kp='60' kv='6' ctrlrange='-3 3'/><position joint='elbow' kp='30' kv='2' ctrlrange='-3 3'/>
@@ -59,7 +59,7 @@ TEST(Adhesion, ArmThatSwingsABoxAndLetsGo_MovesAsInMuJoCo) {
     mj_kinematics(model.get(), data.get());
     const Vector3 expected = Eigen::Map<const Vector3>(data->xpos + 3 * box);
     farthest = std::max(farthest, (Place(s, "box") - start).norm());
-    // Contacts give way by 1e-5 m here and by 1e-4 m there; a step of MuJoCo's is off by 1e-4 of a second.
+    // What is left is creep of contacts in MuJoCo: 2 mm with `solref` .002, 0.3 mm with this one, whatever the steps.
     ASSERT_LT((Place(s, "box") - expected).norm(), 1e-3) << s.time();
   }
   EXPECT_GT(farthest, 0.1);
@@ -89,7 +89,7 @@ TEST(Adhesion, ContactForceOfAHeldBox_IsThatOfMuJoCo) {
   }
   Simulation s = MustStart(cup.Text(), 1. / 240);
   s.SetControl("suction", 1);
-  Run(s, 1);
+  RunUntil(s, 1);
   EXPECT_NEAR(sum, 1.5 * cup.weight(), 1e-3 * cup.weight());
   EXPECT_NEAR(NormalForces(s).contact, sum, 2e-3 * cup.weight());
 }

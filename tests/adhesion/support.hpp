@@ -77,7 +77,7 @@ inline Vector3 Place(const Simulation& simulation, const std::string& body) {
   return simulation.Pose(body).translation();
 }
 
-inline void Run(Simulation& simulation, double until) {
+inline void RunUntil(Simulation& simulation, double until) {
   while (simulation.time() < until - 1e-9) {
     const StepReport report = simulation.Step();
     ASSERT_TRUE(report.finite && report.stages_converged) << simulation.time();
