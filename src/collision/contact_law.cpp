@@ -13,6 +13,7 @@ void SetLaw(const CollisionGeom& a, const CollisionGeom& b, ContactPoint& out) {
   const int moments = std::max(first.moments, second.moments);
   if (moments > 0) out.torsion = std::max(first.torsion, second.torsion);
   if (moments > 1) out.rolling = std::max(first.rolling, second.rolling);
+  out.adhesion_gap = a.gap + b.gap;
   if (first.restitution > 0 || second.restitution > 0)
     out.restitution =
         RestitutionOf(0.5 * (DampingRatioOf(first.restitution) + DampingRatioOf(second.restitution)));
@@ -23,6 +24,7 @@ void SetLaw(const ContactPairDef& pair, ContactPoint& out) {
   out.torsion = pair.torsion;
   out.rolling = pair.rolling;
   out.restitution = pair.restitution;
+  out.adhesion_gap = pair.gap;
 }
 
 const char* ProblemOf(const ContactPairDef& pair) {
@@ -30,6 +32,7 @@ const char* ProblemOf(const ContactPairDef& pair) {
   if (!usable(pair.friction) || !usable(pair.torsion) || !usable(pair.rolling))
     return "friction must be finite and not negative";
   if (!(pair.restitution >= 0 && pair.restitution <= 1)) return "restitution must be 0 to 1";
+  if (!(pair.gap >= 0 && std::isfinite(pair.gap))) return "gap must be finite and not negative";
   return std::isfinite(pair.margin) ? nullptr : "margin must be finite";
 }
 

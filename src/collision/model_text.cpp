@@ -199,6 +199,7 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
       geom.restitution = def.restitution;
       geom.moments = def.frictionless ? 0 : def.moments;
       geom.margin = def.margin;
+      geom.gap = def.gap;
       geom.pairs = def.pairs;
       ShapeWriter writer{model, geom, body.moves, ""};
       const std::string shape = std::visit(writer, def.shape);
@@ -208,6 +209,7 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
       if (!(def.torsion >= 0 && def.rolling >= 0 && std::isfinite(def.torsion + def.rolling)))
         writer.problem = "torsional and rolling friction must not be negative";
       if (!std::isfinite(def.margin)) writer.problem = "margin must be finite";
+      if (!(def.gap >= 0 && std::isfinite(def.gap))) writer.problem = "gap must be finite and not negative";
       if (!(def.restitution >= 0 && def.restitution <= 1)) writer.problem = "restitution must be 0 to 1";
       if (!writer.problem.empty()) {
         return Fail(ErrorCode::kModel, Place(body, static_cast<int>(g)), writer.problem);

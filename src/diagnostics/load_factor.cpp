@@ -143,7 +143,7 @@ class Grasp {
     for (std::size_t k = 0; k < contacts_.size(); ++k) {
       const LoadedContact& c = contacts_[k];
       const Vector3 p = c.point + s * velocities[k];
-      f += (Twist(c.b, p) - Twist(c.a, p)).bottomRows<3>().transpose() * c.force;
+      f += (Twist(c.b, p) - Twist(c.a, p)).bottomRows<3>().transpose() * (c.force + c.pull);
     }
     return f;
   }
@@ -243,7 +243,7 @@ std::vector<LoadedContact> LoadedContacts(const World& world, double h) {
   for (const ContactRecord& c : world.contacts())
     out.push_back({side_of(c.point.body_a), side_of(c.point.body_b), c.point.point,
                    c.point.frame.transpose() * c.impulse / h, c.point.frame.row(0).transpose(),
-                   ComputeInverseCurvature(world, c.point)});
+                   ComputeInverseCurvature(world, c.point), c.point.frame.transpose() * c.pull / h});
   return out;
 }
 

@@ -38,9 +38,7 @@ std::optional<ActuatorRefusal> WhyNoTransmission(const mjModel& m, int i) {
     case mjTRN_SITE:
       return std::nullopt;
     case mjTRN_BODY:
-      return ActuatorRefusal{"adhesion actuator",
-                             "contacts only press here; a weld equality holds what it would attract, from "
-                             "the start to the end"};
+      return ActuatorRefusal{"adhesion actuator", "it acts along contacts, not along a length"};
     case mjTRN_SO3:
       return ActuatorRefusal{"orientation servo", "that transmission is not simulated"};
     default:
@@ -154,22 +152,6 @@ void ReadDcMotor(const mjModel& m, LinearActuator& a) {
   if (Bias(m, i)[3] != 0) a.left_out.push_back("its LuGre friction");
 }
 
-// MuJoCo's filter takes steps of explicit Euler towards the same solution as filterexact.
-void ReadDynamics(const mjModel& m, int i, ActuatorInput& input) {
-  const int type = m.actuator_dyntype[i];
-  if (type == mjDYN_MUSCLE) {
-    input.dynamics = ControlDynamics::kMuscle;
-    input.time_constant = Dynamics(m, i)[0];
-    input.deactivation_time = Dynamics(m, i)[1];
-    input.smoothing = Dynamics(m, i)[2] < mjMINVAL ? 0 : Dynamics(m, i)[2];
-  }
-  if (type == mjDYN_INTEGRATOR) input.dynamics = ControlDynamics::kIntegrator;
-  if (type != mjDYN_FILTER && type != mjDYN_FILTEREXACT) return;
-  if (Dynamics(m, i)[0] < mjMINVAL) return;  // no lag in MuJoCo either
-  input.dynamics = ControlDynamics::kLag;
-  input.time_constant = Dynamics(m, i)[0];
-}
-
 // At its length range as MuJoCo has it, without `at_reference`.
 MuscleDef ReadMuscle(const mjModel& m, int i) {
   const mjtNum *p = Gain(m, i), *range = m.actuator_lengthrange + 2 * m.actuator_outadr[i];
@@ -226,10 +208,31 @@ LinearActuator Law(const mjModel& m, const mjData& d, int i) {
 
 }  // namespace
 
+// MuJoCo's filter takes steps of explicit Euler towards the same solution as filterexact.
+void ReadDynamics(const mjModel& m, int i, ActuatorInput& input) {
+  const int type = m.actuator_dyntype[i];
+  if (type == mjDYN_MUSCLE) {
+    input.dynamics = ControlDynamics::kMuscle;
+    input.time_constant = Dynamics(m, i)[0];
+    input.deactivation_time = Dynamics(m, i)[1];
+    input.smoothing = Dynamics(m, i)[2] < mjMINVAL ? 0 : Dynamics(m, i)[2];
+  }
+  if (type == mjDYN_INTEGRATOR) input.dynamics = ControlDynamics::kIntegrator;
+  if (type != mjDYN_FILTER && type != mjDYN_FILTEREXACT) return;
+  if (Dynamics(m, i)[0] < mjMINVAL) return;  // no lag in MuJoCo either
+  input.dynamics = ControlDynamics::kLag;
+  input.time_constant = Dynamics(m, i)[0];
+}
+
+// Groups are numbered from 0; only the first 31 have a bit.
+bool IsInDisabledGroup(const mjModel& m, int i) {
+  const int group = m.actuator_group[i];
+  return group >= 0 && group < 31 && (m.opt.disableactuator >> group & 1);
+}
+
 std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, int i) {
-  // Groups are numbered from 0; only the first 31 have a bit.
-  if (const int group = m.actuator_group[i]; group >= 0 && group < 31 && (m.opt.disableactuator >> group & 1))
-    return ActuatorRefusal{fmt::format("actuator of group {}", group),
+  if (IsInDisabledGroup(m, i))
+    return ActuatorRefusal{fmt::format("actuator of group {}", m.actuator_group[i]),
                            "actuatorgroupdisable in <option> switches it off"};
   if (auto refusal = WhyNoForce(m, i)) return refusal;
   return WhyNoTransmission(m, i);

@@ -40,6 +40,10 @@ struct ActuatorRefusal {
   std::string kind, why;
 };
 std::optional<ActuatorRefusal> WhyNoLaw(const mjModel& m, int actuator);
+/// Whether `actuatorgroupdisable` switches it off.
+bool IsInDisabledGroup(const mjModel& m, int actuator);
+/// The dynamics of its activation.
+void ReadDynamics(const mjModel& m, int actuator, ActuatorInput& input);
 
 /// Laws of all actuators that have one and move something; `d` as for ActuatorLength.
 std::vector<LinearActuator> LinearActuators(const mjModel& m, const mjData& d);

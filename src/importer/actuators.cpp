@@ -14,33 +14,14 @@ namespace fork1s::internal {
 namespace {
 
 void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& input) {
-  const mjModel& m = c.m;
   const int mechanism = c.MechanismOf(a.length.terms[0].first);
-  ControlDef control;
-  control.name = input.name;
+  ControlDef& control = AddControl(c, a.actuator, mechanism, input);
   c.PutLength(a.length, control);
   control.gain = input.gain;
   control.is_setpoint = input.setpoint;
-  control.dynamics = input.dynamics;
-  control.time_constant = input.time_constant;
-  control.deactivation_time = input.deactivation_time;
-  control.smoothing = input.smoothing;
-  if (m.actuator_ctrllimited[input.ctrl] && !(m.opt.disableflags & mjDSBL_CLAMPCTRL)) {
-    control.lower = m.actuator_ctrlrange[2 * input.ctrl];
-    control.upper = m.actuator_ctrlrange[2 * input.ctrl + 1];
-  }
-  if (input.dynamics != ControlDynamics::kNone && m.actuator_actlimited[a.actuator]) {
-    control.activation_lower = m.actuator_actrange[2 * a.actuator];
-    control.activation_upper = m.actuator_actrange[2 * a.actuator + 1];
-  }
-  control.initial = std::clamp(0.0, control.lower, control.upper);
-  ControlSource source;
-  source.ctrl = input.ctrl;
-  if (input.dynamics != ControlDynamics::kNone) source.act = m.actuator_actadr[a.actuator];
+  ControlSource& source = c.controls[mechanism].back();
   source.motor = !a.muscle && a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
   for (const auto& term : a.length.terms) source.dofs.push_back(term.first);
-  c.scene.mechanisms[mechanism].controls.push_back(std::move(control));
-  c.controls[mechanism].push_back(std::move(source));
 }
 
 void AddMuscle(Conversion& c, const LinearActuator& a) {
@@ -118,6 +99,31 @@ void AddDrive(Conversion& c, const LinearActuator& a) {
 
 }  // namespace
 
+ControlDef& AddControl(Conversion& c, int actuator, int mechanism, const ActuatorInput& input) {
+  const mjModel& m = c.m;
+  ControlDef control;
+  control.name = input.name;
+  control.dynamics = input.dynamics;
+  control.time_constant = input.time_constant;
+  control.deactivation_time = input.deactivation_time;
+  control.smoothing = input.smoothing;
+  if (m.actuator_ctrllimited[input.ctrl] && !(m.opt.disableflags & mjDSBL_CLAMPCTRL)) {
+    control.lower = m.actuator_ctrlrange[2 * input.ctrl];
+    control.upper = m.actuator_ctrlrange[2 * input.ctrl + 1];
+  }
+  if (input.dynamics != ControlDynamics::kNone && m.actuator_actlimited[actuator]) {
+    control.activation_lower = m.actuator_actrange[2 * actuator];
+    control.activation_upper = m.actuator_actrange[2 * actuator + 1];
+  }
+  control.initial = std::clamp(0.0, control.lower, control.upper);
+  ControlSource source;
+  source.ctrl = input.ctrl;
+  if (input.dynamics != ControlDynamics::kNone) source.act = m.actuator_actadr[actuator];
+  c.scene.mechanisms[mechanism].controls.push_back(std::move(control));
+  c.controls[mechanism].push_back(std::move(source));
+  return c.scene.mechanisms[mechanism].controls.back();
+}
+
 void ConvertActuators(Conversion& c) {
   const mjModel& m = c.m;
   if (m.opt.disableflags & mjDSBL_ACTUATION) {
@@ -127,7 +133,7 @@ void ConvertActuators(Conversion& c) {
   }
   std::map<std::string, std::pair<std::string, std::vector<std::string>>> refused;
   for (int i = 0; i < m.nactuator; ++i) {
-    if (auto refusal = WhyNoLaw(m, i)) {
+    if (auto refusal = WhyNoLaw(m, i); refusal && (!IsAdhesion(m, i) || IsInDisabledGroup(m, i))) {
       auto& entry = refused[refusal->kind];
       entry.first = refusal->why;
       entry.second.push_back(c.actuator_names[i]);
@@ -155,6 +161,7 @@ void ConvertActuators(Conversion& c) {
   }
   for (const auto& [part, names] : left_out)
     c.DroppedMany("part of actuator", names, fmt::format("{} is left out", part));
+  ConvertAdhesions(c);
 }
 
 }  // namespace fork1s::internal

@@ -151,6 +151,13 @@ void FindComponents(Conversion& c) {
   if (!(m.opt.disableflags & mjDSBL_ACTUATION))
     for (const LinearActuator& a : LinearActuators(m, c.d)) tie_by(a.length, BodiesOfActuator(m, a.actuator));
 
+  // The control of an adhesion is one of a mechanism: a body that moves freely by itself becomes one.
+  for (int i = 0; i < m.nactuator; ++i)
+    if (IsAdhesion(m, i) && !IsInDisabledGroup(m, i) && !(m.opt.disableflags & mjDSBL_ACTUATION))
+      if (const int top = top_of(m.actuator_trnid[2 * i]);
+          top > 0 && IsFreeTop(m, top) && joints[static_cast<std::size_t>(top)] == 1)
+        touching.push_back(top);
+
   std::vector<int> component_of(m.nbody, -1);
   for (int b = 1; b < m.nbody; ++b) {
     if (m.body_parentid[b] != 0 || is_still(b)) continue;

@@ -180,6 +180,11 @@ std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimi
 /// Actuators as inputs and springs (actuators.cpp).
 bool TendonWorks(const mjModel& m, const mjData& d, int tendon);
 void ConvertActuators(Conversion& c);
+/// The input of an actuator as a control of a mechanism that acts along no length yet; it is the last one.
+ControlDef& AddControl(Conversion& c, int actuator, int mechanism, const ActuatorInput& input);
+/// Adhesion actuators (adhesion.cpp).
+bool IsAdhesion(const mjModel& m, int actuator);
+void ConvertAdhesions(Conversion& c);
 /// Dry friction, and bounds of what actuators give (bounded_forces.cpp); after ApplyPd.
 void ConvertBoundedForces(Conversion& c);
 /// Sensors (sensors.cpp); after ApplyPd, which takes the place of motors.

@@ -170,6 +170,7 @@ std::vector<std::vector<int>> ConvertPairs(Conversion& c) {
       by_direction.push_back(pair.name);
     pair.restitution = RestitutionOf(DampingRatio(m, m.pair_solref + mjNREF * k));
     pair.margin = Overrides(m) ? m.opt.o_margin : m.pair_margin[k];
+    pair.gap = m.pair_gap[k];
     for (int side : {g, h})
       pairs_of[static_cast<std::size_t>(side)].push_back(static_cast<int>(c.scene.contact_pairs.size()));
     c.scene.contact_pairs.push_back(std::move(pair));
@@ -216,6 +217,7 @@ void ConvertGeoms(Conversion& c) {
     geometry.restitution = RestitutionOf(DampingRatio(m, m.geom_solref + mjNREF * g));
     // Two geoms touch at the sum of their margins, which an override gives as a whole.
     geometry.margin = Overrides(m) ? 0.5 * m.opt.o_margin : m.geom_margin[g];
+    geometry.gap = m.geom_gap[g];
     geometry.pairs = pairs_of[static_cast<std::size_t>(g)];
     geometry.rgba = Colour(m, g);
     geometry.group = m.geom_group[g];

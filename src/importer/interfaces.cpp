@@ -77,7 +77,12 @@ bool IsInPair(const BodyDef& body) {
                      [](const GeometryDef& g) { return !g.pairs.empty(); });
 }
 
-// Bodies of explicit contact pairs, and those that can touch and have no touching body beyond a joint; if
+bool HasAdhesion(const MechanismDef& mechanism, const BodyDef& body) {
+  return std::any_of(mechanism.adhesions.begin(), mechanism.adhesions.end(),
+                     [&](const AdhesionDef& a) { return a.body == body.name; });
+}
+
+// Bodies of explicit contact pairs and of adhesion, and those that can touch and have no touching body beyond a joint; if
 // nothing can touch, the last bodies.
 std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* by_contact) {
   const std::size_t n = mechanism.bodies.size();
@@ -97,7 +102,8 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
       beyond[p] = beyond[p] || beyond[b] || (here && has_joint[b]);
       // Without contact, a leaf is enough: a welded child already stands for its parent.
       const bool outermost = !beyond[b] && (contact || !below[b]);
-      if (candidate && !rigid[b] && (outermost || IsInPair(mechanism.bodies[b]))) {
+      if (candidate && !rigid[b] &&
+          (outermost || IsInPair(mechanism.bodies[b]) || HasAdhesion(mechanism, mechanism.bodies[b]))) {
         std::size_t group = b;
         while (!has_joint[group]) group = mechanism.bodies[group].parent.u();
         if (std::find(groups_named.begin(), groups_named.end(), group) != groups_named.end()) continue;

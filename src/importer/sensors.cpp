@@ -119,7 +119,7 @@ SensorDef LengthSensor(Conversion& c, SensorDef s, SensorKind kind, int type, in
     is_known = PutLengthOf(c, TendonLength(m, c.d, id), BodiesOfTendon(m, id), s);
   } else {
     const int on = m.actuator_trntype[id];
-    if (on == mjTRN_BODY) return Unknown(std::move(s), "actuators on bodies are not simulated");
+    if (on == mjTRN_BODY) return Unknown(std::move(s), "an adhesion actuator has no length");
     const std::vector<int> bodies =
         on == mjTRN_TENDON ? BodiesOfTendon(m, m.actuator_trnid[2 * id]) : BodiesOfActuator(m, id);
     const bool is_zero = kind == SensorKind::kLength && IsOnFreeJoint(m, id);
@@ -369,6 +369,8 @@ SensorDef WithActuators(Conversion& c, SensorDef s, const F& acts) {
 }
 
 SensorDef ActuatorForceSensor(Conversion& c, SensorDef s, int id) {
+  if (IsAdhesion(c.m, id))
+    return Unknown(std::move(s), "the force of an adhesion actuator is its gain times its control");
   s.kind = SensorKind::kActuatorForce;
   return WithActuators(c, std::move(s), [&](int i) { return i == id; });
 }

@@ -196,6 +196,23 @@ Expected<void> CheckDynamics(const ControlDef& c, const std::string& where) {
   return {};
 }
 
+Expected<void> CheckAdhesions(const MechanismDef& def) {
+  for (const AdhesionDef& a : def.adhesions) {
+    const std::string where = Named("adhesion", a.name);
+    if (!def.FindBody(a.body).valid())
+      return Refuse(where, fmt::format("names the body '{}'; mechanism '{}' has no body of this name", a.body,
+                                       def.name));
+    if (FindControl(def, a.control) < 0)
+      return Refuse(where, fmt::format("names the control '{}', which is not there; add it", a.control));
+    if (!std::isfinite(a.gain))
+      return Refuse(where, "has a gain that is not finite; give it in N per unit of its control");
+    if (!(a.lower <= a.upper))
+      return Refuse(where, fmt::format("has bounds {} to {} N; the lower must not be above the upper",
+                                       a.lower, a.upper));
+  }
+  return {};
+}
+
 Expected<void> CheckMuscles(const MechanismDef& def) {
   for (const MuscleDef& m : def.muscles) {
     const std::string where = Named("muscle", m.name);
@@ -284,6 +301,7 @@ Expected<void> CheckConnections(const MechanismDef& def) {
   }
   if (auto ok = CheckBoundedForces(def); !ok) return ok;
   if (auto ok = CheckMuscles(def); !ok) return ok;
+  if (auto ok = CheckAdhesions(def); !ok) return ok;
   for (const std::string& name : def.interfaces)
     if (!def.FindBody(name).valid())
       return Refuse(Named("interface", name),

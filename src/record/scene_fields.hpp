@@ -117,20 +117,22 @@ void Fields(A& a, Like<SpatialInertia, A>& s) {
 template <class A>
 void Fields(A& a, Like<GeometryDef, A>& s) {
   auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling, moments,
-         restitution, margin, pairs, rgba, group, picture, picture_x, picture_y] = s;
+         restitution, margin, gap, pairs, rgba, group, picture, picture_x, picture_y] = s;
   a("name", name), a("shape", shape), a("X_BG", X_BG), a("friction", friction), a("priority", priority);
   a("contype", contype), a("conaffinity", conaffinity), a("frictionless", frictionless);
   a("torsion", torsion), a("rolling", rolling), a("moments", moments);
   a("restitution", restitution), a("margin", margin), a("pairs", pairs);
+  a.Optional("gap", gap);  // files of versions before 22 have none
   a("rgba", rgba), a("group", group);
   a("picture", picture), a("picture_x", picture_x), a("picture_y", picture_y);
 }
 
 template <class A>
 void Fields(A& a, Like<ContactPairDef, A>& s) {
-  auto& [name, friction, torsion, rolling, restitution, margin] = s;
+  auto& [name, friction, torsion, rolling, restitution, margin, gap] = s;
   a("name", name), a("friction", friction), a("torsion", torsion), a("rolling", rolling);
   a("restitution", restitution), a("margin", margin);
+  a.Optional("gap", gap);  // as of GeometryDef
 }
 
 template <class A>
@@ -242,15 +244,23 @@ void Fields(A& a, Like<MuscleDef, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<AdhesionDef, A>& s) {
+  auto& [name, body, control, gain, lower, upper] = s;
+  a("name", name), a("body", body), a("control", control), a("gain", gain), a("lower", lower);
+  a("upper", upper);
+}
+
+template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
   auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
-         length_limits, force_limits, muscles, interfaces, chosen, modes, modes_by_step, mode_choice,
-         parent_filter] = s;
+         length_limits, force_limits, muscles, adhesions, interfaces, chosen, modes, modes_by_step,
+         mode_choice, parent_filter] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs),
       a("controls", controls);
   a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
-  a.Optional("muscles", muscles);  // files of versions before 21 have none
+  a.Optional("muscles", muscles);      // files of versions before 21 have none
+  a.Optional("adhesions", adhesions);  // before 22
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
   a("modes_by_step", modes_by_step), a("mode_choice", mode_choice), a("parent_filter", parent_filter);
 }

@@ -141,20 +141,20 @@ void Fields(A& a, Like<Hold, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ContactPoint, A>& s) {
-  auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution] =
-      s;
+  auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution,
+         adhesion_gap] = s;
   a("body_a", body_a), a("body_b", body_b), a("geometry_a", geometry_a), a("geometry_b", geometry_b);
   a("point", point), a("frame", frame), a("gap", gap), a("friction", friction), a("torsion", torsion);
-  a("rolling", rolling), a("restitution", restitution);
+  a("rolling", rolling), a("restitution", restitution), a("adhesion_gap", adhesion_gap);
 }
 
 template <class A>
 void Fields(A& a, Like<ContactRecord, A>& s) {
-  auto& [point, impulse, normal_sum, tangential_sum, friction, moment, use, end_force, end_moment,
+  auto& [point, impulse, normal_sum, tangential_sum, pull, friction, moment, use, end_force, end_moment,
          end_speed] = s;
   a("point", point), a("impulse", impulse), a("normal_sum", normal_sum), a("tangential_sum", tangential_sum);
   a("friction", friction), a("moment", moment), a("use", use), a("end_force", end_force);
-  a("end_moment", end_moment), a("end_speed", end_speed);
+  a("end_moment", end_moment), a("end_speed", end_speed), a("pull", pull);
 }
 
 template <class A>

@@ -31,6 +31,11 @@ Expected<FullSimulation> FullSimulation::Create(Scene scene, const FullSimulatio
                    options.initial_keyframe);
     key = &d.scene.keyframes[static_cast<std::size_t>(options.initial_keyframe)];
   }
+  for (const MechanismDef& m : d.scene.mechanisms)
+    if (!m.adhesions.empty())
+      return Fail(
+          ErrorCode::kModel, "adhesion '" + m.adhesions.front().name + "' of mechanism '" + m.name + "'",
+          "the full model knows no adhesion; run the reduced model, or take the actuator out of the file");
   if (auto ok = d.AddMechanisms(key); !ok) return tl::unexpected(ok.error());
   if (auto ok = d.AddFreeBodies(key); !ok) return tl::unexpected(ok.error());
   d.AddControls(key);

@@ -68,6 +68,7 @@ std::vector<BodyContact> Contacts(const Simulation& simulation) {
     c.point_W = record.point.point;
     c.normal_W = axes.col(0);
     c.force_W = axes * record.impulse / h;
+    c.pull_W = axes * record.pull / h;
     c.moment_W = axes * record.moment / h;
     c.gap = record.point.gap;
     c.friction = record.friction;

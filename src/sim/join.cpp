@@ -122,8 +122,8 @@ VectorX AddBase(const MechanismDef& from, const KeyframeDef::MechanismState& fro
 void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef& to) {
   // A field more does not compile here: then append it, or leave it to the host.
   [[maybe_unused]] const auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs,
-                                controls, frictions, length_limits, force_limits, muscles, interfaces, chosen,
-                                modes, by_step, choice, filter] = from;
+                                controls, frictions, length_limits, force_limits, muscles, adhesions,
+                                interfaces, chosen, modes, by_step, choice, filter] = from;
   for (std::size_t b = 1; b < from.bodies.size(); ++b) {
     to.bodies.push_back(from.bodies[b]);
     to.bodies.back().parent = shift(from.bodies[b].parent);
@@ -156,6 +156,7 @@ void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef
   for (const LengthLimitDef& l : from.length_limits) to.length_limits.push_back(shift.OnLength(l));
   for (const ForceLimitDef& f : from.force_limits) to.force_limits.push_back(shift.OnLength(f));
   for (const MuscleDef& m : from.muscles) to.muscles.push_back(shift.OnLength(m));
+  to.adhesions.insert(to.adhesions.end(), from.adhesions.begin(), from.adhesions.end());
   to.interfaces.insert(to.interfaces.end(), from.interfaces.begin(), from.interfaces.end());
   to.modes += from.modes;
   to.modes_by_step |= from.modes_by_step;

@@ -62,7 +62,8 @@ LoadFactor ComputeLoadFactor(const Simulation& simulation) {
                         SideOf(simulation, simulation.BodyOfContactor(c.point.body_b)), c.point.point,
                         c.point.frame.transpose() * c.impulse / simulation.dt(),
                         c.point.frame.row(0).transpose(),
-                        ComputeInverseCurvature(simulation.world(), c.point)});
+                        ComputeInverseCurvature(simulation.world(), c.point),
+                        c.point.frame.transpose() * c.pull / simulation.dt()});
   const auto world = LetGo(simulation);
   if (!world) return {};  // cannot be let go of here either: SetFidelity says why
   return ComputeLoadFactor(*world, contacts);

@@ -168,7 +168,7 @@ void Sensors::EvaluateCut(const Simulation& simulation, const SensorDef& s, doub
     if (has(spring.body)) return;
   for (const ContactRecord& c : simulation.world().contacts()) {
     const Matrix3 axes = c.point.frame.transpose();
-    const Vector3 force = axes * c.impulse / h, moment = axes * c.moment / h;
+    const Vector3 force = NetImpulse(c) / h, moment = axes * c.moment / h;
     if (has(BodyOfGeometry(simulation, c.point.body_b, c.point.geometry_b)))
       subtract(force, c.point.point, moment);
     if (has(BodyOfGeometry(simulation, c.point.body_a, c.point.geometry_a)))

@@ -174,6 +174,12 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   if (fidelity == fidelity_) return {};
   std::vector<Hold> holds;
   if (fidelity.level == DetailLevel::kObject) {
+    for (const MechanismDef& m : scene_.mechanisms)
+      if (!m.adhesions.empty())
+        return Fail(
+            ErrorCode::kModel, "adhesion '" + m.adhesions.front().name + "' of mechanism '" + m.name + "'",
+            "detail 'object' holds by contacts that press, and would not let go with the adhesion; keep "
+            "detail 'interface'");
     holds = holds_.empty() ? known_holds : holds_;
     if (holds.empty()) holds = internal::FindHolds(*present_scene_, world_, dt_);
     if (holds.empty())
@@ -220,7 +226,7 @@ std::vector<HoldForce> Simulation::HoldForces() const {
       for (Eigen::Index b = 0; b < contacts_R.cols(); ++b)
         contacts_R.col(b) = AdjointTransposeApply(X_WR, last_step_.wrenches_W[i].col(b));
     for (const ContactRecord& c : world_.contacts()) {
-      const Vector3 force_W = c.point.frame.transpose() * c.impulse / dt_;
+      const Vector3 force_W = NetImpulse(c) / dt_;
       for (const auto& [contactor, sign] :
            {std::pair(c.point.body_a, -1.0), std::pair(c.point.body_b, 1.0)}) {
         const Contactor& who = world_.contactors()[static_cast<std::size_t>(contactor)];

@@ -163,6 +163,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   for (Detail::Halving::Level& halving : detail.halving_.levels) halving.sums.Reserve(room);
   detail.summation_.Reserve(room);
   detail.rows_.contacts.reserve(room);
+  detail.rows_.pulls.reserve(room);
   detail.approaches_.rebound.reserve(room);
   detail.approaches_.closing.reserve(room);
   detail.start_points_.reserve(room);
@@ -267,6 +268,9 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision, scene.contact_pairs);
   if (!collision) return tl::unexpected(collision.error());
   detection_.world = std::make_unique<CollisionWorld>(std::move(*collision));
+  auto adhesions = FindAdhesions(bodies_, scene.contact_pairs, detection_);
+  if (!adhesions) return tl::unexpected(adhesions.error());
+  adhesions_ = std::move(*adhesions);
   rows_.port_offset.assign(detection_.contactors.size(), -1);
   rows_.port_part.assign(detection_.contactors.size(), 0);
   return {};

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "adhesion.hpp"
 #include "assembly.hpp"
 #include "bodies.hpp"
 #include "contact_history.hpp"
@@ -70,6 +71,7 @@ struct World::Detail {
 
   ConstraintRows rows_;
   std::vector<StopHistory> stops_;  // per mechanism
+  std::vector<Adhesion> adhesions_;
   std::vector<RefreshState> refreshes_;
   std::vector<char> finite_;  // per mechanism, by IsFinite
   struct {                    // forces with bounds and springs with slack

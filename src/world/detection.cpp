@@ -49,6 +49,7 @@ bool Detection::Find(const Bodies& bodies, double h, const Vector3& gravity_W, b
   const double needed =
       kClearShare * shapes.least_size + 2 * MotionWithin(bodies, *this, h) + gravity_W.norm() * h * h;
   margin = std::max(least_margin, std::min(most_margin, needed));
+  margin = std::max(margin, adhesion_reach);
   if (in_stage) margin = std::max(margin, LargestPairMotion());
   if (!std::isfinite(margin)) return false;
   world->SetMargin(margin);

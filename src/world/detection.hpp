@@ -33,6 +33,7 @@ struct Detection {
   double most_margin = 0;                         // m
   double margin = 0;                              // m, of the last detection
   double least_margin = 0;                        // m, of the next one
+  double adhesion_reach = 0;                      // m: largest gap that an adhesion acts over
   std::vector<ContactPoint> points;               // of the last detection
   bool dropped = false;                           // for want of room
   std::vector<char> touched;                      // per free body, by FindTouched

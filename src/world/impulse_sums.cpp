@@ -11,6 +11,7 @@ void AddTimes(double weight, const std::vector<double>& more, std::vector<double
 void Set(const ImpulseSums::Contact& sum, ContactRecord& contact) {
   contact.moment = contact.point.frame * sum.wrench_W.head<3>();
   contact.impulse = contact.point.frame * sum.wrench_W.tail<3>();
+  contact.pull = contact.point.frame * sum.pull_W;
   contact.normal_sum = sum.normal;
   contact.tangential_sum = sum.tangential;
 }
@@ -58,18 +59,20 @@ void ContactSummation::Add(double weight, const std::vector<ContactRecord>& cont
     ImpulseSums::Contact& sum = next_[i];
     sum.wrench_W.head<3>() = weight * (frame_W * contacts[i].moment);
     sum.wrench_W.tail<3>() = weight * (frame_W * contacts[i].impulse);
+    sum.pull_W = weight * (frame_W * contacts[i].pull);
     sum.normal = weight * contacts[i].impulse(0);
     sum.tangential = weight * contacts[i].impulse.tail<2>().norm();
     if (match[i] < 0 || sums.contacts.empty()) continue;
     const auto k = static_cast<std::size_t>(match[i]);
     const ImpulseSums::Contact& before = sums.contacts[k];
     sum.wrench_W += before.wrench_W;
+    sum.pull_W += before.pull_W;
     sum.normal += before.normal;
     sum.tangential += before.tangential;
     goes_on_[k] = 1;
   }
   for (std::size_t i = 0; i < goes_on_.size(); ++i) {
-    if (goes_on_[i] || sums.contacts[i].wrench_W.isZero(0)) continue;
+    if (goes_on_[i] || (sums.contacts[i].wrench_W.isZero(0) && sums.contacts[i].pull_W.isZero(0))) continue;
     sums.ended.push_back(previous[i]);
     Set(sums.contacts[i], sums.ended.back());
   }

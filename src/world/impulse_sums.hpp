@@ -9,6 +9,7 @@ namespace fork1s {
 struct ImpulseSums {
   struct Contact {
     Vector6 wrench_W = Vector6::Zero();  // moment [N m s] and impulse [N s]
+    Vector3 pull_W = Vector3::Zero();    // of adhesion [N s]
     double normal = 0, tangential = 0;   // see ContactRecord [N s]
   };
   std::vector<Contact> contacts;       // of the stage added last, in its order

@@ -107,14 +107,15 @@ void GatherPushes(const Detection& detection, ConstraintRows& rows) {
   ForContacts(detection, [&](std::size_t i) {
     const ContactConstraint& c = rows.contacts[i];
     ConstraintRows::Push& push = rows.pushes[i];
-    push.any = !c.impulse.isZero(0);
+    const double pull = rows.PullOf(i);
+    push.any = !c.impulse.isZero(0) || pull != 0;
     if (!push.any) return;
     push.body_a = detection.points[i].body_a;
     push.body_b = detection.points[i].body_b;
     push.port_a = c.port_a;
     push.port_b = c.port_b;
-    if (c.port_a >= 0) push.on_a = c.ImpulseOn(c.J_a);
-    if (c.port_b >= 0) push.on_b = c.ImpulseOn(c.J_b);
+    if (c.port_a >= 0) push.on_a = c.ImpulseOn(c.J_a) - pull * c.J_a.row(0).transpose();
+    if (c.port_b >= 0) push.on_b = c.ImpulseOn(c.J_b) - pull * c.J_b.row(0).transpose();
   });
   rows.is_pushed.assign(detection.contactors.size(), 0);
   const auto add = [&](int port, int contactor, const Vector6& F) {

@@ -48,6 +48,10 @@ struct ConstraintRows {
   VectorX velocities;        // m/s, rad/s: free ones, then those of the solution
   VectorX start_velocities;  // of a stage of backward Euler: at its start
 
+  std::vector<double> pulls;  // N s, of adhesion, per contact point against its normal on b; empty: none acts
+  VectorX pull_impulse, pull_scratch;
+  double PullOf(std::size_t contact) const { return pulls.empty() ? 0 : pulls[contact]; }
+
   // Forces with bounds that are rows, whose `limits` stand last, in this order.
   struct BoundedForce {
     std::size_t mechanism = 0, part = 0, row_in_part = 0, index = 0;

@@ -249,6 +249,7 @@ void World::Detail::RecordContacts(double h) {
     const ContactConstraint& c = rows_.contacts[i];
     contacts_[i].point = detection_.points[i];
     contacts_[i].impulse = c.impulse;
+    contacts_[i].pull = Vector3(-rows_.PullOf(i), 0, 0);
     contacts_[i].friction = c.friction;
     contacts_[i].moment = c.moment;
     contacts_[i].use = c.use;

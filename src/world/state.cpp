@@ -79,13 +79,14 @@ class Hash {
   }
   void One(const ContactPoint& p) {
     const auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling,
-                 restitution] = p;
+                 restitution, adhesion_gap] = p;
     Add(body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution);
+    Add(adhesion_gap);
   }
   void One(const ContactRecord& record) {
-    const auto& [point, impulse, normal_sum, tangential_sum, friction, moment, use, end_force, end_moment,
-                 end_speed] = record;
-    // Sums of magnitudes are for reports: no step starts from them.
+    const auto& [point, impulse, normal_sum, tangential_sum, pull, friction, moment, use, end_force,
+                 end_moment, end_speed] = record;
+    // Sums of magnitudes and pulls are for reports: no step starts from them.
     Add(point, impulse, friction, moment, use, end_force, end_moment, end_speed);
   }
   void One(const WorldState::Rows& rows) {

@@ -16,6 +16,7 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
   do {
     if (detection_.points.empty() && rows_.limits.empty()) continue;
     AssembleOperators(bodies_, detection_, rows_);
+    ApplyPulls(rows_);
     if (starts) Rebound(detection_, approaches_, options.h, rows_);
     starts = false;
     report.solver =
@@ -59,6 +60,7 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
   history_.Match(detection_);
   FindPortFrames(bodies_, detection_, rows_);
   AssembleContacts(stage_, options, history_, detection_, approaches_, rows_);
+  AssemblePulls(adhesions_, bodies_, detection_, history_, options.h, options.material.depth, rows_);
   AssembleStops(bodies_, stage_, options, stops_, approaches_, rows_);
   return true;
 }

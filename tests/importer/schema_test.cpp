@@ -287,6 +287,12 @@ std::vector<SchemaElement> SchemaElements() {
          none + " class cranklength group interp joint jointinparent lengthrange nsample slidersite user " +
              (takes_site ? "refsite " : "")});
   };
+  all.push_back({"actuator/adhesion",
+                 ArmModel("", "", "<actuator><adhesion $/></actuator>"),
+                 "name=a;body=hand;ctrlrange=0 1;gain=3",
+                 {"body=arm", "ctrlrange=0 .5", "ctrllimited=false", "gain=4", "forcerange=-1 1",
+                  "forcelimited=true;forcerange=0 2", "delay=.02;nsample=5"},
+                 " class group interp nsample user "});
   actuator("general", "name=a;joint=shoulder;ctrlrange=-1 1;gainprm=2;biastype=affine;biasprm=0 -2 -1",
            {"actdim=2;dyntype=user", "actrange=-1 1;dyntype=integrator;actlimited=true",
             "actlimited=true;actrange=-1 1;dyntype=filter;dynprm=.1", "biasprm=1 -2 -1", "biastype=none",
@@ -403,7 +409,6 @@ TEST(Schema, EveryElementAndAttributeIsListed) {
                                           "body/flexcomp",
                                           "body/geom/plugin",
                                           "actuator/orientation",
-                                          "actuator/adhesion",
                                           "actuator/damper",
                                           "actuator/plugin",
                                           "equality/flex",

@@ -35,6 +35,16 @@ MuscleDef& AddMuscle(MechanismDef& def) {
   return def.muscles.back();
 }
 
+AdhesionDef& AddAdhesion(MechanismDef& def) {
+  AdhesionDef adhesion;
+  adhesion.name = "cup";
+  adhesion.body = "lower";
+  adhesion.control = def.controls[0].name;
+  adhesion.gain = 20;
+  def.adhesions.push_back(adhesion);
+  return def.adhesions.back();
+}
+
 // base - upper (hinge "shoulder") - lower (ball "elbow"), base - rod (slide "rail"), with one of everything.
 MechanismDef Good() {
   MechanismBuilder builder("machine");
@@ -281,6 +291,13 @@ std::vector<Fault> ConnectionFaults() {
       {"muscle without speed", [](auto& d) { AddMuscle(d).vmax = 0; }, "muscle 'flexor'", "vmax 0"},
       {"muscle that weakens as it lengthens", [](auto& d) { AddMuscle(d).fvmax = 0.9; }, "muscle 'flexor'",
        "fvmax 0.9"},
+      {"adhesion without a control", [](auto& d) { AddAdhesion(d).control = "pump"; }, "adhesion 'cup'",
+       "control 'pump', which is not there"},
+      {"adhesion of no body", [](auto& d) { AddAdhesion(d).body = "hand"; }, "adhesion 'cup'", "body 'hand'"},
+      {"adhesion of a gain that is no number", [](auto& d) { AddAdhesion(d).gain = kNaN; }, "adhesion 'cup'",
+       "gain that is not finite"},
+      {"adhesion of reversed bounds", [](auto& d) { AddAdhesion(d).lower = 1, d.adhesions[0].upper = 0; },
+       "adhesion 'cup'", "bounds 1 to 0 N"},
       {"muscle of nothing", [](auto& d) { AddMuscle(d).terms[0].first.joint = JointIndex(3); },
        "muscle 'flexor'", "does not exist"},
       {"unknown interface", [](auto& d) { d.interfaces.push_back("tail"); }, "interface 'tail'", "machine"},

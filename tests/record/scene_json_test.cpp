@@ -40,11 +40,12 @@ class BitList {
   }
   void Add(const ContactPairDef& p) {
     Add(p.name), Add(p.friction), Add(p.torsion), Add(p.rolling), Add(p.restitution), Add(p.margin);
+    Add(p.gap);
   }
   void Add(const GeometryDef& g) {
     Add(g.name), Add(static_cast<int>(g.shape.index())), Add(g.X_BG), Add(g.friction), Add(g.priority);
-    Add(g.contype), Add(g.conaffinity), Add(g.frictionless), Add(g.margin), Add(g.pairs), Add(g.rgba),
-        Add(g.group);
+    Add(g.contype), Add(g.conaffinity), Add(g.frictionless), Add(g.margin), Add(g.gap), Add(g.pairs),
+        Add(g.rgba), Add(g.group);
     Add(g.picture != nullptr), Add(g.picture_x), Add(g.picture_y);
     if (g.picture) Add(g.picture->name), Add(g.picture->width), Add(static_cast<int>(g.picture->rgb.size()));
     if (auto* s = std::get_if<Plane>(&g.shape)) Add(s->half_x), Add(s->half_y);
@@ -108,10 +109,13 @@ class BitList {
                            m.lmax, m.vmax, m.fpmax, m.fvmax})
       Add(x);
   }
+  void Add(const AdhesionDef& a) {
+    Add(a.name), Add(a.body), Add(a.control), Add(a.gain), Add(a.lower), Add(a.upper);
+  }
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
-    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.muscles), Add(m.interfaces),
-        Add(m.interfaces_chosen), Add(m.modes), Add(static_cast<int>(m.parent_filter));
+    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.muscles), Add(m.adhesions),
+        Add(m.interfaces), Add(m.interfaces_chosen), Add(m.modes), Add(static_cast<int>(m.parent_filter));
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
   void Add(const KeyframeDef::MechanismState& s) {

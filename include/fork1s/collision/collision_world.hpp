@@ -30,6 +30,7 @@ struct ContactPoint {
   double friction = 0;  // of the higher priority, else the larger; 0 if all who decide are frictionless
   double torsion = 0, rolling = 0;  // m, likewise; 0 where the pair bears no such moment
   double restitution = 0;           // share of the speed of approach that is left
+  double adhesion_gap = 0;  // m: gap up to which adhesion acts, the sum of the two or that of the pair
 };
 
 struct CollisionOptions {

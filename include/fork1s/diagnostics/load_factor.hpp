@@ -25,10 +25,11 @@ struct LoadedContact {
     int free_body = -1;
   };
   Side a, b;
-  Vector3 point;              // m, world axes, as are the others
-  Vector3 force;              // N, on b
-  Vector3 normal;             // from a to b
-  Matrix3 inverse_curvature;  // m, (κ_a + κ_b)⁻¹ on the tangent plane: ComputeInverseCurvature
+  Vector3 point;                   // m, world axes, as are the others
+  Vector3 force;                   // N, on b
+  Vector3 normal;                  // from a to b
+  Matrix3 inverse_curvature;       // m, (κ_a + κ_b)⁻¹ on the tangent plane: ComputeInverseCurvature
+  Vector3 pull = Vector3::Zero();  // N, on b, of adhesion: `force` bears the compression by it
 };
 
 /// The contacts of the world's last step, of length h [s].

@@ -32,6 +32,8 @@ struct GeometryDef {
   double restitution = 0;  // share of its speed with which parts again what meets it, 0 to 1; a pair has the
                            // mean of its damping ratios (restitution.hpp), or the higher priority's
   double margin = 0;       // m: distance of the contact surface from the shape, outwards; a pair has the sum
+  double gap =
+      0;  // m: how far beyond its margin a shape is within reach of an AdhesionDef; a pair has the sum
   std::vector<int> pairs;  // explicit contact pairs of which it is one side: indices in Scene::contact_pairs
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
   int group = 0;  // for drawing only
@@ -51,6 +53,7 @@ struct ContactPairDef {
   double rolling = 0;   // m: the same about the tangents
   double restitution = 0;
   double margin = 0;  // m: distance at which the shapes touch
+  double gap = 0;     // m: how far beyond it an AdhesionDef pulls
 };
 
 /// One degree of freedom of a joint.
@@ -290,6 +293,18 @@ struct MuscleDef {
   PathUse along = {};
 };
 
+/// Suction: the force [N] gain · (activation or input of a control), within its bounds, pulls the shapes of a body and
+/// what they touch together. All contact points of the body whose gap is at most GeometryDef::gap have equal shares of
+/// it, along their normals; without such a point there is no force. Contact and friction bear the compression.
+struct AdhesionDef {
+  std::string name;
+  std::string body;
+  std::string control;                                      // name
+  double gain = 0;                                          // N per unit of the control
+  double lower = -std::numeric_limits<double>::infinity();  // N
+  double upper = std::numeric_limits<double>::infinity();   // N
+};
+
 enum class BaseKind {
   kFixed,     ///< still at X_WR
   kFloating,  ///< moves freely, gravity acts on it
@@ -325,6 +340,7 @@ struct MechanismDef {
   std::vector<LengthLimitDef> length_limits;
   std::vector<ForceLimitDef> force_limits;
   std::vector<MuscleDef> muscles;
+  std::vector<AdhesionDef> adhesions;
   std::vector<std::string> interfaces;  // names of the bodies that touch the world
   bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
   int modes = 4;                        // fixed-interface modes to keep

@@ -24,10 +24,11 @@ struct BodyContact {
   std::string name_a, name_b;          // "world" for the still world
   Vector3 point_W = Vector3::Zero();   // m
   Vector3 normal_W = Vector3::Zero();  // from a to b
-  Vector3 force_W = Vector3::Zero();   // N, on b, the mean of the last step
+  Vector3 force_W = Vector3::Zero();   // N, on b, the mean of the last step; adhesion's compression included
   Vector3 moment_W = Vector3::Zero();  // N·m about the point, on b: torsional and rolling friction
   double gap = 0;                      // m, negative in penetration, as the step found it
   double friction = 0;
+  Vector3 pull_W = Vector3::Zero();  // N, on b, of adhesion; force_W bears the compression by it
 };
 
 /// Those of the last step, frozen ones included.

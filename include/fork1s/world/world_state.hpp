@@ -17,6 +17,9 @@ struct ContactRecord {
   // Sums over the stages of the step, each in the contact frame of its own pose [N·s]. `impulse`, their
   // vector sum, leaves the friction cone where that frame turns between them.
   double normal_sum = 0, tangential_sum = 0;
+  // Of adhesion, on body b, in the frame of the point [N·s]; `impulse` bears the compression by it, and both
+  // together move the bodies.
+  Vector3 pull = Vector3::Zero();
   double friction = 0;               // of the step as solved; that of `point` is of the shapes
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
   double use = 0;                    // of the cone, above 1 where it slides
@@ -25,6 +28,9 @@ struct ContactRecord {
   Vector3 end_moment = Vector3::Zero();  // N·m
   double end_speed = 0;                  // m/s, along the normal by its rows; below 0 while a gap closes
 };
+
+/// What moves body b, in world axes [N·s]: contact and adhesion.
+inline Vector3 NetImpulse(const ContactRecord& c) { return c.point.frame.transpose() * (c.impulse + c.pull); }
 
 /// All that the next step of a world depends on beside what it was made of. For worlds made of the same scene
 /// with the same options.
