@@ -7,7 +7,7 @@
 #include <memory>
 #include <optional>
 
-#include "accuracy_choice.hpp"
+#include "accuracy_output.hpp"
 #include "checks.hpp"
 #include "model_arguments.hpp"
 #include "print.hpp"
