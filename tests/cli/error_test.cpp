@@ -61,6 +61,20 @@ TEST(ErrorEstimate, ChoosesWhatAnAccuracyAsksFor) {
     EXPECT_NE(Fork1s(fmt::format("run --accuracy={} {}", wrong, model)).code, 0) << wrong;
 }
 
+// A wheel whose hinge turns it about its own origin at 1 rad/s² from rest: by backward Euler it is h t/2 rad too far.
+TEST(ErrorEstimate, TellsTheAngleOfWhatTurnsInPlace) {
+  const std::string model =
+      Write("wheel_error.xml", R"(<mujoco><option gravity="0 0 0"/><worldbody><body name="wheel">
+    <freejoint/><geom type="sphere" size="0.1" mass="1"/></body></worldbody></mujoco>)");
+  // A couple of 0.004 N m, the sphere's inertia 2/5 m r² times 1 rad/s².
+  const std::string table = Write("wheel_error.csv", "time,torque:wheel:z\n0,0.004\n1,0.004\n");
+  const Outcome o =
+      Fork1s("run --json --error --integrator euler --time 1 --controls " + table + " " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const double degrees = o.Json()["error_estimate_deg"]["wheel"]["max"].get<double>();
+  EXPECT_NEAR(degrees, 1.0 / 60 / 2 * 180 / 3.14159265358979, 1e-9);
+}
+
 // Trials run with the detail of the run. Where it changes within the run their error is the sum over its parts: that until
 // the change, and the larger one after it, by runs of their own.
 TEST(ErrorEstimate, AccuracyIsOfTheDetailAsked) {
