@@ -7,7 +7,7 @@
 #include <memory>
 #include <optional>
 
-#include "accuracy_choice.hpp"
+#include "accuracy_output.hpp"
 #include "checks.hpp"
 #include "model_arguments.hpp"
 #include "print.hpp"
@@ -62,6 +62,26 @@ void AppendPositions(const Simulation& simulation, std::vector<Vector3>& positio
   for (const RigidTransform& X : poses) positions.push_back(X.translation());
 }
 
+// Errors of a run in parts: where the detail changes the estimate begins at 0 again, and what was off stays off.
+void AddPart(const internal::ErrorFigure& figure, internal::ErrorFigure::Largest& sum) {
+  const internal::ErrorFigure::Largest part = figure.largest();
+  sum.total += part.total;
+  sum.interior += part.interior;
+  sum.time += part.time;
+  sum.motion = std::max(sum.motion, part.motion);
+  sum.finite &= part.finite;
+}
+
+// What of the setting has an effect at the present detail.
+void NoteDetail(const Simulation& simulation, AccuracyTrial& trial) {
+  const Fidelity detail = simulation.fidelity();
+  trial.exact &= detail.recovery != Recovery::kTwist;
+  for (const MechanismDynamics& m : simulation.world().mechanisms()) {
+    trial.modes_kept = std::max(trial.modes_kept, m.model().num_modes);
+    trial.leaves_something |= detail.modes < 0 && m.model().has_complement;
+  }
+}
+
 // The run with one setting, for its error alone. `every` [s]: positions are kept at its multiples.
 Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported, const RunInputs& inputs,
                                const AccuracySetting& setting, double every) {
@@ -72,7 +92,7 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
   with.refresh_angle = setting.refresh_angle;
   if (setting.modes >= 0)
     for (MechanismDef& m : imported.scene.mechanisms) m.modes = setting.modes;
-  auto simulation = Prepare(with, imported, {});
+  auto simulation = Prepare(with, imported, inputs.detail);
   if (!simulation) return tl::unexpected(simulation.error());
   const auto steps = CountSteps(args.time, simulation->dt());
   if (!steps) return tl::unexpected(steps.error());
@@ -80,26 +100,31 @@ Expected<AccuracyTrial> TryOut(const RunArguments& args, ImportedScene imported,
   inputs.controls.Start(*simulation);
   AccuracyTrial trial;
   trial.setting = setting;
-  trial.exact = with.inputs.recovery != Recovery::kTwist;
-  for (const MechanismDynamics& m : simulation->world().mechanisms()) {
-    trial.modes_kept = std::max(trial.modes_kept, m.model().num_modes);
-    trial.leaves_something |= m.model().has_complement;
-  }
+  NoteDetail(*simulation, trial);
   const auto steps_apart = std::max<std::int64_t>(1, std::llround(every / simulation->dt()));
-  internal::ErrorFigure figure;
+  const std::vector<FidelityTrack::Entry>& detail = inputs.detail.entries;
+  std::size_t next_detail = 0;
+  std::optional<internal::ErrorFigure> figure(std::in_place);
   ProgressBar bar("trying");
   for (std::int64_t i = 0; i < *steps && trial.finite; ++i) {
+    for (; next_detail < detail.size() && IsDue(detail[next_detail], *simulation); ++next_detail) {
+      // What is refused stays as it was, here as in the run, which says so.
+      if (!simulation->SetFidelity(detail[next_detail].fidelity)) continue;
+      AddPart(*figure, trial.error);
+      figure.emplace();
+      NoteDetail(*simulation, trial);
+    }
     const double end = static_cast<double>(i + 1) * simulation->dt();
     inputs.controls.Apply(end, *simulation);
     ApplyPushes(inputs, end, *simulation);
-    figure.BeginStep(*simulation);
+    figure->BeginStep(*simulation);
     const StepReport report = simulation->Step();
     trial.finite = report.finite;
-    if (trial.finite) figure.EndStep(*simulation, report);
+    if (trial.finite) figure->EndStep(*simulation, report);
     if ((i + 1) % steps_apart == 0) AppendPositions(*simulation, trial.positions);
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(*steps));
   }
-  trial.error = figure.largest();
+  AddPart(*figure, trial.error);
   trial.finite &= trial.error.finite;
   trial.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return trial;
@@ -119,7 +144,7 @@ int Run(const RunArguments& given) {
   if (!args.accuracy.empty()) {
     const auto wanted = ParseAccuracy(args.accuracy);
     if (!wanted) return Report(wanted.error(), json);
-    const auto probe = Prepare(args, *imported, {});
+    const auto probe = Prepare(args, *imported, inputs->detail);
     if (!probe) return Report(probe.error(), json);
     const AccuracySetting first{probe->dt(), probe->step_options().integrator, -1, args.refresh_angle};
     auto made = ChooseForAccuracy(*wanted, first, !args.integrator, [&](const AccuracySetting& setting) {
@@ -235,7 +260,6 @@ void AddRun(CLI::App& app, Action& action) {
           "how far off the run may be, as in 0.5mm or 1% of the motion: tries it with other dt, "
           "integrator, modes and refresh angles until its estimated error is below that, and says what "
           "it chose")
-      ->excludes("--detail")
       ->excludes(steps);
   command->add_flag(
       "--error", args->error,

@@ -14,7 +14,7 @@ namespace {
 
 // Changes the level of detail when its time has come.
 void Switch(const FidelityTrack& track, std::size_t& next, Simulation& simulation, Measured& out) {
-  for (; next < track.entries.size() && track.entries[next].time <= simulation.time() + 1e-9; ++next) {
+  for (; next < track.entries.size() && IsDue(track.entries[next], simulation); ++next) {
     Measured::Switch done{simulation.time(), track.entries[next].fidelity, 0, ""};
     const auto start = std::chrono::steady_clock::now();
     if (auto set = simulation.SetFidelity(done.fidelity); !set)
@@ -170,6 +170,11 @@ void Note(const StepReport& report, const World& world, Measured::Stages& out) {
 }
 
 }  // namespace
+
+bool IsDue(const FidelityTrack::Entry& entry, const Simulation& simulation) {
+  constexpr double kRounding = 1e-9;  // s: of sums of steps
+  return entry.time <= simulation.time() + kRounding;
+}
 
 std::vector<AppliedWrench> ApplyPushes(const RunInputs& inputs, double end, Simulation& simulation) {
   std::vector<AppliedWrench> applied;

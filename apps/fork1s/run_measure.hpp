@@ -25,6 +25,9 @@ struct RunInputs {
 /// The pushes of the step that begins now, applied and as a recording keeps them.
 std::vector<AppliedWrench> ApplyPushes(const RunInputs& inputs, double end, Simulation& simulation);
 
+/// Whether the step that begins now has this detail.
+bool IsDue(const FidelityTrack::Entry& entry, const Simulation& simulation);
+
 /// What a run measures, step by step.
 struct Measured {
   std::vector<double> step_us;

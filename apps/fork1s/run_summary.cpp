@@ -7,7 +7,7 @@
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 
-#include "accuracy_choice.hpp"
+#include "accuracy_output.hpp"
 #include "base/percentile.hpp"
 #include "error_output.hpp"
 #include "print.hpp"

@@ -34,12 +34,15 @@ bool LeavesSomething(const Simulation& simulation) {
   });
 }
 
-Vector3 Place(const World& world, const BodyError& body) {
+RigidTransform Pose(const World& world, const BodyError& body) {
   const auto index = static_cast<std::size_t>(body.index);
-  if (body.mechanism < 0) return world.free_bodies()[index].pose().translation();
-  return world.mechanisms()[static_cast<std::size_t>(body.mechanism)]
-      .BodyPose(BodyIndex(body.index))
-      .translation();
+  if (body.mechanism < 0) return world.free_bodies()[index].pose();
+  return world.mechanisms()[static_cast<std::size_t>(body.mechanism)].BodyPose(BodyIndex(body.index));
+}
+
+// rad, world axes: the rotation vector that turns `from` into `to`.
+Vector3 AngleBetween(const RigidTransform& from, const RigidTransform& to) {
+  return LogRotation(to.rotation() * from.rotation().transpose());
 }
 
 }  // namespace
@@ -48,7 +51,7 @@ struct ErrorEstimate::Detail {
   ErrorEstimateOptions options;
   std::optional<Simulation> finer, whole_model;  // by shorter steps; that with all modes too
   struct Seen {
-    double total, interior, time;
+    double total, interior, time, angle;
   };
   struct Values {
     std::vector<BodyError> bodies;
@@ -102,7 +105,7 @@ Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation,
   for (std::size_t i = 0; i < world.free_bodies().size(); ++i)
     v.bodies.push_back({world.free_bodies()[i].name(), -1, static_cast<int>(i)});
   v.window.resize(v.bodies.size());
-  for (const BodyError& b : v.bodies) v.start.push_back(Place(world, b));
+  for (const BodyError& b : v.bodies) v.start.push_back(Pose(world, b).translation());
   return ErrorEstimate(std::move(detail));
 }
 
@@ -145,23 +148,30 @@ void ErrorEstimate::Follow(const Simulation& simulation, const StepReport& repor
   const auto length = static_cast<std::size_t>(std::max(1.0, std::round(d.options.window / simulation.dt())));
   for (std::size_t i = 0; i < v.bodies.size(); ++i) {
     BodyError& b = v.bodies[i];
-    const Vector3 place = Place(simulation.world(), b);
-    b.motion = std::max(b.motion, (place - v.start[i]).norm());
+    const RigidTransform pose = Pose(simulation.world(), b);
+    b.motion = std::max(b.motion, (pose.translation() - v.start[i]).norm());
     if (v.failed) {
-      b.shown = b.shown_interior = b.shown_time = std::numeric_limits<double>::infinity();
+      b.shown = b.shown_interior = b.shown_time = b.shown_angle = std::numeric_limits<double>::infinity();
       continue;
     }
-    const Vector3 finer = Place(d.finer->world(), b);
-    b.time = whole * (finer - place);
-    if (d.whole_model) b.interior = Place(d.whole_model->world(), b) - finer;
+    const RigidTransform finer = Pose(d.finer->world(), b);
+    b.time = whole * (finer.translation() - pose.translation());
+    b.time_angle = whole * AngleBetween(pose, finer);
+    if (d.whole_model) {
+      const RigidTransform whole_model = Pose(d.whole_model->world(), b);
+      b.interior = whole_model.translation() - finer.translation();
+      b.interior_angle = AngleBetween(finer, whole_model);
+    }
     auto& window = v.window[i];
-    window.push_back({(b.interior + b.time).norm(), b.interior.norm(), b.time.norm()});
+    window.push_back({(b.interior + b.time).norm(), b.interior.norm(), b.time.norm(),
+                      (b.interior_angle + b.time_angle).norm()});
     if (window.size() > length) window.pop_front();
-    b.shown = b.shown_interior = b.shown_time = 0;
+    b.shown = b.shown_interior = b.shown_time = b.shown_angle = 0;
     for (const Detail::Seen& s : window) {
       b.shown = std::max(b.shown, s.total);
       b.shown_interior = std::max(b.shown_interior, s.interior);
       b.shown_time = std::max(b.shown_time, s.time);
+      b.shown_angle = std::max(b.shown_angle, s.angle);
     }
   }
 }

@@ -35,6 +35,8 @@ void ErrorFigure::UpdateLargest() {
     }
     const auto place = static_cast<std::size_t>(at - bodies.begin());
     at->last = updated[place] ? std::max(at->last, now.shown) : now.shown;
+    at->angle_last = updated[place] ? std::max(at->angle_last, now.shown_angle) : now.shown_angle;
+    at->angle = std::max(at->angle, now.shown_angle);
     updated[place] = true;
     at->motion = std::max(at->motion, now.motion);
     at->total = std::max(at->total, now.shown);
@@ -63,6 +65,7 @@ ErrorFigure::Largest ErrorFigure::largest() const {
     out.total = std::max(out.total, b.total);
     out.interior = std::max(out.interior, b.interior);
     out.time = std::max(out.time, b.time);
+    out.angle = std::max(out.angle, b.angle);
   }
   return out;
 }

@@ -19,10 +19,12 @@ class ErrorFigure {
     double total = 0, interior = 0, time = 0;  // m, largest of all steps; infinite after a failure
     double last = 0;                           // m, at the end of the last step
     double motion = 0;                         // m, largest distance from the start
+    double angle = 0, angle_last = 0;          // rad, of orientation: largest of all steps, and last
   };
   /// Of all bodies [m].
   struct Largest {
     double total = 0, interior = 0, time = 0, motion = 0;
+    double angle = 0;  // rad
     bool finite = true;
     /// Whether the error is small enough beside the motion that it shrinks by the order of the step.
     bool IsWithinRange() const { return finite && 100 * total <= kMaxPercent * motion; }

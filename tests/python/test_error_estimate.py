@@ -45,6 +45,9 @@ def expect_equal(estimate, told, rtol=1e-12):
             assert_allclose(
                 getattr(body, key), told["error_estimate_mm"][name][key] / 1e3, rtol=rtol, err_msg=name
             )
+        for key in ("max", "last"):
+            degrees = told["error_estimate_deg"][name][key]
+            assert_allclose(np.degrees(getattr(body, "angle_" + key)), degrees, rtol=rtol, err_msg=name)
     percent = told["error_estimate_percent"]
     assert_allclose(estimate.motion, percent["of_mm"] / 1e3, rtol=rtol)
     assert_allclose(estimate.percent, percent["total"], rtol=rtol)

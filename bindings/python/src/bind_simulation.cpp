@@ -133,13 +133,16 @@ void BindErrorEstimate(nb::module_& m) {
   using Body = fork1s::internal::ErrorFigure::Body;
   nb::class_<Body>(
       m, "BodyErrorEstimate",
-      "How far a body's origin is estimated to be from the truth, in m. Infinite where a shorter step could "
-      "not be solved.")
+      "How far a body's origin is estimated to be from the truth, in m, and by which angle it is turned wrongly. A point "
+      "at a distance r from the origin is off by up to `max` + r `angle_max`. Infinite where a shorter step could not be "
+      "solved.")
       .def_ro("max", &Body::total, "m, the largest of all steps.")
       .def_ro("last", &Body::last, "m, the largest of the last quarter of a second: errors swing.")
       .def_ro("time_step_max", &Body::time, "m, what the time step alone leaves at most; a smaller dt helps.")
       .def_ro("interior_max", &Body::interior,
               "m, what the reduction and recovery alone leave at most; more modes help.")
+      .def_ro("angle_max", &Body::angle, "rad, of its orientation, the largest of all steps.")
+      .def_ro("angle_last", &Body::angle_last, "rad, the largest of the last quarter of a second.")
       .def_ro("motion", &Body::motion, "m, its largest distance from the start.")
       .def("__repr__", [](const Body& b) {
         return "<fork1s.BodyErrorEstimate max=" + std::to_string(1e3 * b.total) + " mm of " +
@@ -161,6 +164,9 @@ void BindErrorEstimate(nb::module_& m) {
           nb::sig("def bodies(self) -> dict[str, BodyErrorEstimate]"))
       .def_prop_ro(
           "max", [](const ErrorFigureReport& r) { return r.largest.total; }, "m, the largest of all bodies.")
+      .def_prop_ro(
+          "angle_max", [](const ErrorFigureReport& r) { return r.largest.angle; },
+          "rad, of orientation: the largest of all bodies.")
       .def_prop_ro(
           "time_step_max", [](const ErrorFigureReport& r) { return r.largest.time; },
           "m, the part of the time step: the largest of all bodies.")

@@ -20,7 +20,8 @@ struct ErrorEstimateOptions {
   double window = 0.25;  // s: what is shown is the largest of this time, since errors swing
 };
 
-/// By how much a body is estimated to be off. Displacements of the body's origin, truth minus simulation.
+/// By how much a body is estimated to be off: displacements of its origin, truth minus simulation, and the rotation
+/// from simulation to truth. A point at a distance r from the origin is off by up to shown + r shown_angle.
 struct BodyError {
   std::string body;
   int mechanism = -1;                  // of world(); -1: a free body
@@ -30,6 +31,10 @@ struct BodyError {
   double shown = 0;  // m, largest |interior + time| within the window; infinite after Failed()
   double shown_interior = 0, shown_time = 0;  // m, each part's own largest
   double motion = 0;                          // m, largest way from the start so far
+  Vector3 interior_angle = Vector3::Zero();   // rad, rotation vector, world axes: as interior
+  Vector3 time_angle = Vector3::Zero();       // rad, the same: as time
+  double shown_angle =
+      0;  // rad, largest |interior_angle + time_angle| within the window; infinite after Failed()
 };
 
 /// Follows a simulation from the state it is made at. For each step followed it takes four of a quarter of the length,

@@ -1,15 +1,24 @@
-// `run --accuracy`: what dt, integrator, modes and refresh angle a wanted accuracy asks for.
+// Which dt, integrator, modes and refresh angle a wanted accuracy asks for (`run --accuracy`).
 #pragma once
 
+#include <fork1s/base/error.hpp>
 #include <fork1s/world/world.hpp>
 #include <functional>
-#include <string>
 #include <vector>
 
-#include "output.hpp"
 #include "sim/error_figure.hpp"
 
-namespace fork1s::app {
+namespace fork1s {
+
+/// Trials after which no further setting is tried. A run by half the step of the last one may follow.
+inline constexpr std::size_t kMaxAccuracyTrials = 10;
+/// Of the first dt: a step is not halved below this because its estimate is too large. Six halvings reduce an error of
+/// first order 64 times; one that stays needs another model. Where estimates are within what is wanted and only the runs
+/// by half the step disagree, halving goes on up to kMaxAccuracyTrials.
+inline constexpr double kMinStepShare = 1.0 / 64;
+/// Bounds of an observed order: of smooth motion it is 2, of impacts 1; what diverges exponentially has none, and the
+/// extrapolation by 1/(1 - 2^-order) has no bound without the lower one.
+inline constexpr double kMinErrorOrder = 0.5, kMaxErrorOrder = 2;
 
 /// What may be chosen.
 struct AccuracySetting {
@@ -30,10 +39,10 @@ struct AccuracyTrial {
   /// m, of all bodies, at the whole steps of the first setting.
   std::vector<Vector3> positions;
   /// m, the largest distance between these positions and those by half the step, where that was asked, and the order by
-  /// which the estimate fell there, between 1/2 and 2.
+  /// which its part of the time step fell there, within kMinErrorOrder and kMaxErrorOrder.
   double apart = 0, order = 2;
   double wall = 0;     // s
-  double off() const;  // m, the estimate by that order
+  double off() const;  // m, the estimate with its part of the time step by that order
 };
 
 struct WantedAccuracy {
@@ -43,8 +52,6 @@ struct WantedAccuracy {
     return t.finite && t.off() <= (metres > 0 ? metres : share * t.error.motion);
   }
 };
-/// "0.5mm", "2e-4m", "1%". Errors: kUsage.
-Expected<WantedAccuracy> ParseAccuracy(const std::string& text);
 
 struct AccuracyChoice {
   std::vector<AccuracyTrial> trials;
@@ -59,9 +66,4 @@ Expected<AccuracyChoice> ChooseForAccuracy(
     const WantedAccuracy& wanted, const AccuracySetting& first, bool may_change_integrator,
     const std::function<Expected<AccuracyTrial>(const AccuracySetting&)>& try_out);
 
-/// The key `accuracy` of run's JSON.
-Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice);
-/// The lines that `run` prints for it.
-void PrintAccuracy(const Json& accuracy);
-
-}  // namespace fork1s::app
+}  // namespace fork1s
