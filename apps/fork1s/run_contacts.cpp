@@ -37,7 +37,40 @@ void PrintLoad(const std::string& when, const Json& load) {
             load["normal_N"].get<double>(), tangential > 1e-3 * kRounding * size ? tangential : 0.0);
 }
 
+// The body of the two that stayed while the other slid over it; null where both moved, nothing slid, or it is the world.
+Json StayedOf(const Simulation& simulation, const PairLoad& p) {
+  constexpr double kStays = 0.1;  // of the way of the other
+  if (p.slip_first < 0 || p.body_a < 0 || p.body_b < 0) return nullptr;
+  if (p.way_a <= kStays * p.way_b) return NameOf(simulation, p.body_a);
+  if (p.way_b <= kStays * p.way_a) return NameOf(simulation, p.body_b);
+  return nullptr;
+}
+
 }  // namespace
+
+Json FrictionUseJson(const Simulation& simulation, const std::vector<BodyFriction>& bodies) {
+  Json out = Json::array();
+  for (const BodyFriction& f : bodies) {
+    if (!std::isfinite(f.use_max)) continue;  // frozen contacts that pull
+    Json course = Json::array();
+    for (const BodyFriction::Moment& m : f.course) course.push_back({{"time_s", m.time}, {"use", m.use}});
+    out.push_back({{"body", NameOf(simulation, f.body)},
+                   {"mean", f.use_mean},
+                   {"max", f.use_max},
+                   {"margin_min", 1 - f.use_max},
+                   {"margin_min_s", f.use_max_s},
+                   {"course", std::move(course)}});
+  }
+  return out;
+}
+
+void PrintFrictionUse(const Json& bodies) {
+  for (std::size_t i = 0; i < std::min(kLines, bodies.size()); ++i)
+    PrintText("  friction        '{}' uses {:.1f} % on average; least margin {:.1f} %, at {:.4g} s\n",
+              bodies[i]["body"].get<std::string>(), 100 * bodies[i]["mean"].get<double>(),
+              100 * bodies[i]["margin_min"].get<double>(), bodies[i]["margin_min_s"].get<double>());
+  PrintOmitted(bodies.size(), "bodies");
+}
 
 Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pairs) {
   Json out = Json::array();
@@ -53,12 +86,17 @@ Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pai
                    {"mean", LoadJson(p.mean)},
                    {"friction_use_max", UseJson(p.use_max, p.mean)},
                    {"friction_use_max_s", p.use_max_s},
+                   {"normal_max_N", p.normal_max},
+                   {"normal_max_s", p.normal_max_s},
+                   {"tangential_max_N", p.tangential_max},
+                   {"tangential_max_s", p.tangential_max_s},
                    {"touched_s", p.touched_s},
                    {"touched_first_s", p.touched_first},
                    {"touched_last_s", p.touched_last},
                    {"touches_at_end", p.last.force_W.norm() > 0},
                    {"friction_loss_J", p.friction_loss},
                    {"slip_m", p.slip},
+                   {"slid_over", StayedOf(simulation, p)},
                    {"slip_s", p.slip_s},
                    {"slip_first_s", p.slip_first < 0 ? Json(nullptr) : Json(p.slip_first)},
                    {"slip_last_s", p.slip_last < 0 ? Json(nullptr) : Json(p.slip_last)}});
@@ -96,8 +134,11 @@ void PrintContacts(const Json& contacts) {
                 100 * use.get<double>(), 100 * number("friction_use_max"), number("friction_use_max_s"));
     constexpr double kSlipped = 1e-4;  // m
     if (number("slip_m") > kSlipped)
-      PrintText("; slipped {:.3g} mm from {:.4g} s to {:.4g} s", 1e3 * number("slip_m"),
-                number("slip_first_s"), number("slip_last_s"));
+      PrintText("; slipped {:.3g} mm from {:.4g} s to {:.4g} s{}", 1e3 * number("slip_m"),
+                number("slip_first_s"), number("slip_last_s"),
+                c["slid_over"].is_null()
+                    ? ""
+                    : fmt::format(", over '{}', which stayed", c["slid_over"].get<std::string>()));
     PrintText("\n");
     PrintLoad(fmt::format("peak, {:.4g} s", c["peak"]["time_s"].get<double>()), c["peak"]);
     PrintLoad("mean", c["mean"]);

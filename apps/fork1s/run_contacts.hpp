@@ -9,6 +9,8 @@
 namespace fork1s::app {
 
 Json ContactsJson(const Simulation& simulation, const std::vector<PairLoad>& pairs);
+Json FrictionUseJson(const Simulation& simulation, const std::vector<BodyFriction>& bodies);
+void PrintFrictionUse(const Json& bodies);
 void PrintContacts(const Json& contacts);
 
 constexpr std::size_t kLines = 8;  // printed of a kind; the JSON has all

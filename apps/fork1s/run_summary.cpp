@@ -94,6 +94,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   }
   out["bases"] = BasesJson(simulation, m);
   out["contacts"] = ContactsJson(simulation, m.tally.Pairs());
+  out["friction_use"] = FrictionUseJson(simulation, m.tally.BodyFrictions());
   out["joint_gap_max_m"] = m.gap_max;
   out["penetration_max_m"] = m.penetration_max;
   const bool has_load = std::isfinite(m.load_min.factor);
@@ -317,6 +318,7 @@ void PrintSummary(const Json& d) {
   PrintLoadFactor(d);
   if (d.contains("accuracy")) PrintAccuracy(d["accuracy"]);
   if (d.contains("error_estimate_mm")) PrintErrorFigure(d);
+  PrintFrictionUse(d["friction_use"]);
   PrintContacts(d["contacts"]);
   PrintBases(d["bases"]);
   for (const char* kind : {"interface", "free_bodies"})

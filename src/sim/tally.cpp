@@ -73,7 +73,10 @@ void RunTally::Begin(const Simulation& simulation) {
 
 void RunTally::LookAtContacts(const Simulation& simulation) {
   const double h = simulation.dt();
-  std::map<std::pair<int, int>, double> fastest;  // of contacts that slide
+  struct Sliding {
+    double relative = 0, a = 0, b = 0;  // m/s
+  };
+  std::map<std::pair<int, int>, Sliding> fastest;  // of contacts that slide
   const bool begins = velocity_.size() != simulation.bodies().size();
   last_velocity_ = velocity_;
   Begin(simulation);
@@ -110,16 +113,20 @@ void RunTally::LookAtContacts(const Simulation& simulation) {
     if (!(c.friction > 0) || c.tangential_sum < kAtCone * c.friction * c.normal_sum) continue;
     const Vector3 slides = VelocityAt(V_b, arm_b) - VelocityAt(V_a, arm_a);
     pair.friction_loss -= sign * c.impulse.tail<2>().dot(c.point.frame.bottomRows<2>() * slides);
-    const Vector3 relative = VelocityAt(now(b), arm_b) - VelocityAt(now(a), arm_a);
-    const double speed = (c.point.frame.bottomRows<2>() * relative).norm();
-    if (speed * h > kSlides * simulation.world().PairSize(c.point))
-      fastest[{a, b}] = std::max(fastest[{a, b}], speed);
+    const auto tangents = c.point.frame.bottomRows<2>();
+    const Vector3 of_a = VelocityAt(now(a), arm_a), of_b = VelocityAt(now(b), arm_b);
+    const double speed = (tangents * (of_b - of_a)).norm();
+    if (!(speed * h > kSlides * simulation.world().PairSize(c.point))) continue;
+    Sliding& most = fastest[{a, b}];
+    if (speed > most.relative) most = {speed, (tangents * of_a).norm(), (tangents * of_b).norm()};
   }
   for (const auto& [key, speed] : fastest) {
     PairLoad& pair = pairs_[key];
     if (pair.slip_first < 0) pair.slip_first = simulation.time();
     pair.slip_last = simulation.time();
-    pair.slip += speed * h;
+    pair.slip += speed.relative * h;
+    pair.way_a += speed.a * h;
+    pair.way_b += speed.b * h;
     pair.slip_s += h;
   }
 }
@@ -133,6 +140,46 @@ void RunTally::LookAtHolds(const Simulation& simulation) {
     pair.last.Add(LoadOf(force, Vector3(f.point_W - simulation.Pose(pair.body_b).translation()).cross(force),
                          normal, (f.force_W - normal * f.normal_W).norm(), f.friction),
                   1);
+  }
+}
+
+void RunTally::LookAtBodies(const Simulation& simulation) {
+  constexpr std::size_t kMaxMoments = 500;  // as many as a plot has columns; beyond, neighbours are joined
+  std::map<int, ContactLoad> loads;
+  for (const auto& [key, pair] : pairs_)
+    for (const int body : {key.first, key.second})
+      if (body >= 0) loads[body].Add(pair.last, 1);
+  for (const auto& [body, load] : loads) {
+    if (!(load.friction_limit > 0)) continue;
+    const SceneBody& of = simulation.bodies()[static_cast<std::size_t>(body)];
+    const bool is_base =
+        of.mechanism >= 0 && of.index == 0 &&
+        simulation.world().mechanisms()[static_cast<std::size_t>(of.mechanism)].mechanism().base() ==
+            BaseKind::kFloating;
+    if (of.given >= 0 && !is_base) continue;
+    BodyCourse& course = bodies_[body];
+    BodyFriction& f = course.friction;
+    const double use = load.FrictionUse();
+    f.body = body;
+    f.use_mean += use * simulation.dt();  // divided by touched_s in BodyFrictions
+    f.touched_s += simulation.dt();
+    if (use > f.use_max) {
+      f.use_max = use;
+      f.use_max_s = simulation.time();
+    }
+    if (course.in_last > 0 && course.in_last < course.stride) {
+      ++course.in_last;
+      if (use > f.course.back().use) f.course.back() = {simulation.time(), use};
+      continue;
+    }
+    if (f.course.size() >= kMaxMoments) {
+      for (std::size_t i = 0; 2 * i + 1 < f.course.size(); ++i)
+        f.course[i] = f.course[2 * i].use > f.course[2 * i + 1].use ? f.course[2 * i] : f.course[2 * i + 1];
+      f.course.resize(f.course.size() / 2);
+      course.stride *= 2;
+    }
+    f.course.push_back({simulation.time(), use});
+    course.in_last = 1;
   }
 }
 
@@ -170,6 +217,7 @@ void RunTally::Look(const Simulation& simulation) {
   for (auto& [key, pair] : pairs_) pair.last = {};
   LookAtContacts(simulation);
   LookAtHolds(simulation);
+  LookAtBodies(simulation);
   for (auto& [key, pair] : pairs_) {
     const double force = pair.last.force_W.norm();
     if (!(force > 0)) continue;
@@ -180,6 +228,14 @@ void RunTally::Look(const Simulation& simulation) {
     if (const double use = pair.last.FrictionUse(); use > pair.use_max) {
       pair.use_max = use;
       pair.use_max_s = simulation.time();
+    }
+    if (pair.last.normal > pair.normal_max) {
+      pair.normal_max = pair.last.normal;
+      pair.normal_max_s = simulation.time();
+    }
+    if (pair.last.tangential > pair.tangential_max) {
+      pair.tangential_max = pair.last.tangential;
+      pair.tangential_max_s = simulation.time();
     }
     if (force <= pair.peak.force_W.norm()) continue;
     pair.peak = pair.last;
@@ -218,6 +274,17 @@ std::vector<PairLoad> RunTally::Pairs() const {
   std::stable_sort(out.begin(), out.end(), [](const PairLoad& a, const PairLoad& b) {
     return a.peak.force_W.norm() > b.peak.force_W.norm();
   });
+  return out;
+}
+
+std::vector<BodyFriction> RunTally::BodyFrictions() const {
+  std::vector<BodyFriction> out;
+  for (const auto& [body, course] : bodies_) {
+    out.push_back(course.friction);
+    out.back().use_mean /= course.friction.touched_s;
+  }
+  std::stable_sort(out.begin(), out.end(),
+                   [](const BodyFriction& a, const BodyFriction& b) { return a.use_max > b.use_max; });
   return out;
 }
 

@@ -132,6 +132,29 @@ TEST(RunReport, CausesOfRelinearization) {
   EXPECT_NE(text.find(" since a joint had turned, by "), std::string::npos) << text;
 }
 
+// Jaws that press a box by N each and lift it by a constant force: m (g + a)/(2 µ N) of its friction is in use.
+TEST(RunReport, FrictionUseOfALiftedBoxIsItsClosedForm) {
+  const std::string model =
+      Write("lifted.xml", R"(<mujoco><custom><text name="fork1s_interface" data="left right"/></custom>
+    <default><geom friction="0.6"/></default><worldbody>
+    <body name="carriage" pos="0 0 1"><joint name="lift" type="slide" axis="0 0 1"/>
+      <geom type="box" size="0.02 0.02 0.02" pos="0 0 0.2" mass="1"/>
+      <body name="left" pos="-0.06 0 0"><joint name="l" type="slide" axis="1 0 0"/><geom type="box" size="0.01 0.02 0.02" mass="0.1"/></body>
+      <body name="right" pos="0.06 0 0"><joint name="r" type="slide" axis="-1 0 0"/><geom type="box" size="0.01 0.02 0.02" mass="0.1"/></body>
+    </body><body name="box" pos="0 0 1"><freejoint/><geom type="box" size="0.05 0.015 0.015" mass="0.2"/></body></worldbody>
+    <actuator><motor name="up" joint="lift"/><motor name="a" joint="l"/><motor name="b" joint="r"/></actuator></mujoco>)");
+  // 1.4 kg in all at g + 2 m/s².
+  const std::string table = Write("lifted.csv", "time,up,a,b\n0,16.534,10,10\n1,16.534,10,10\n");
+  const Outcome o = Fork1s("run --json --time 0.6 --controls " + table + " " + model);
+  ASSERT_EQ(o.code, 0) << o.err;
+  const auto use = o.Json()["friction_use"];
+  ASSERT_EQ(use.size(), 1u) << use.dump();
+  EXPECT_EQ(use[0]["body"], "box");
+  const double closed = 0.2 * 11.81 / (2 * 0.6 * 10);
+  EXPECT_NEAR(use[0]["course"].back()["use"].get<double>(), closed, 0.01 * closed);
+  EXPECT_NEAR(use[0]["margin_min"].get<double>(), 1 - use[0]["max"].get<double>(), 1e-12);
+}
+
 // Set down on the floor, dragged at 5 N for half a second, then lifted off: the load at the end says nothing.
 TEST(RunReport, LoadsAfterAReleaseAreThoseOfTheContact) {
   const std::string run = "run --time 1 --push sledge:5,0,0:0.2..0.7 --push sledge:0,0,40:0.7..1 " + Sledge();

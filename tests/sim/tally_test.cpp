@@ -91,5 +91,50 @@ TEST(Tally, Slip_ScaledScene_ScalesWithIt) {
     EXPECT_NEAR(slip_of(scale) / scale, slip, 1e-6) << scale;
 }
 
+// A box of m on a plane under gravity tilted by a uses tan(a)/µ of its friction; pushed by F, F/(µ m g).
+TEST(Tally, FrictionUseOfABoxOnASlopeAndOfAPushedBoxIsItsClosedForm) {
+  constexpr double kMass = 1, kFriction = 0.8, kG = 9.81, kAngle = 0.3, kPush = 2;  // kg, 1, m/s², rad, N
+  for (const bool slope : {true, false}) {
+    Scene scene;
+    scene.gravity = slope ? Vector3(kG * std::sin(kAngle), 0, -kG * std::cos(kAngle)) : Vector3(0, 0, -kG);
+    FreeBodyDef box;
+    box.name = "box";
+    box.inertia.mass = kMass;
+    box.inertia.rotational = kMass / 6 * 0.01 * Matrix3::Identity();  // of a cube of 0.1 m
+    box.X_WB = RigidTransform(Vector3(0, 0, 0.05));
+    GeometryDef shape;
+    shape.name = "box";
+    shape.shape = Box{Vector3(0.05, 0.05, 0.05)};
+    shape.friction = kFriction;
+    box.geometries.push_back(shape);
+    GeometryDef ground = shape;
+    ground.name = "ground";
+    ground.shape = Box{Vector3(1, 1, 0.05)};
+    ground.X_BG = RigidTransform(Vector3(0, 0, -0.05));
+    scene.free_bodies.push_back(box);
+    scene.world.push_back(ground);
+    auto simulation = Simulation::Create(scene, {});
+    ASSERT_TRUE(simulation) << simulation.error().Text();
+    RunTally tally;
+    tally.Begin(*simulation);
+    for (int i = 0; i < 60; ++i) {
+      const Vector3 at_plane = simulation->Pose(0).translation() - Vector3(0, 0, 0.05);
+      if (!slope) simulation->ApplyWrench(0, Vector3(kPush, 0, 0), Vector3::Zero(), at_plane);
+      simulation->Step();
+      tally.Look(*simulation);
+    }
+    const auto bodies = tally.BodyFrictions();
+    ASSERT_EQ(bodies.size(), 1u);
+    ASSERT_FALSE(bodies[0].course.empty());
+    const double closed = slope ? std::tan(kAngle) / kFriction : kPush / (kFriction * kMass * kG);
+    EXPECT_NEAR(bodies[0].course.back().use, closed, 0.01 * closed)
+        << slope;  // at rest within the solver's tolerance
+    EXPECT_GE(bodies[0].use_max, bodies[0].use_mean);
+    const PairLoad pair = tally.Pairs().at(0);
+    EXPECT_GE(pair.normal_max, pair.last.normal);
+    EXPECT_GE(pair.tangential_max, pair.last.tangential);
+  }
+}
+
 }  // namespace
 }  // namespace fork1s

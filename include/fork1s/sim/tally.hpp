@@ -37,11 +37,29 @@ struct PairLoad {
   double touched_s = 0;                        // s in which a contact bore force
   double touched_first = 0, touched_last = 0;  // s: ends of the first and the last step with contact force
   double use_max = 0, use_max_s = 0;           // largest FrictionUse of a step, and when
+  double normal_max = 0, normal_max_s = 0;     // N, the largest `normal` of a step, and when
+  double tangential_max = 0, tangential_max_s = 0;  // N, the largest `tangential` of a step, and when
   double slip = 0;           // m: way of the contact that slid fastest, while friction gave all it can
   double slip_s = 0;         // s in which one slid
   double slip_first = -1;    // s; -1: never
   double slip_last = -1;     // s; -1: never
   double friction_loss = 0;  // J that what slid and turned took out of the motion
+  // m: ways of the sliding points of a and of b in the world while they slid. One of them is small beside the other where
+  // a body stays and the other slides over it.
+  double way_a = 0, way_b = 0;
+};
+
+/// Use of friction of a free body or of a floating base, over all contacts with friction that it has.
+struct BodyFriction {
+  int body = -1;                      // place in Simulation::bodies()
+  double use_mean = 0;                // over the steps with a normal force
+  double use_max = 0, use_max_s = 0;  // sum of |f_t| over sum of µ f_n, largest of all steps
+  double touched_s = 0;               // s with a normal force
+  struct Moment {
+    double time = 0, use = 0;  // s
+  };
+  /// Over time, wherever it has a normal force; of a long run the larger of neighbours, 500 moments at most.
+  std::vector<Moment> course;
 };
 
 /// A stop or a servo that was at its end.
@@ -83,6 +101,8 @@ class RunTally {
   void Look(const Simulation& simulation);
   /// Strongest first.
   std::vector<PairLoad> Pairs() const;
+  /// Largest use first.
+  std::vector<BodyFriction> BodyFrictions() const;
   /// J that friction of contacts took out of the motion so far, of all pairs.
   double FrictionLoss() const;
   /// Joints and tendons that a stop held, longest first.
@@ -96,8 +116,14 @@ class RunTally {
   PairLoad& Pair(int a, int b);
   void LookAtContacts(const Simulation& simulation);
   void LookAtHolds(const Simulation& simulation);
+  void LookAtBodies(const Simulation& simulation);
   void LookBeyondStops(const Simulation& simulation);
   std::map<std::pair<int, int>, PairLoad> pairs_;
+  struct BodyCourse {
+    BodyFriction friction;
+    std::int64_t stride = 1, in_last = 0;  // steps that a moment of the course stands for
+  };
+  std::map<int, BodyCourse> bodies_;
   std::vector<Vector6> velocity_, last_velocity_;  // of all bodies that may touch: after this step, before it
   std::map<std::pair<int, std::size_t>, EndReached> stops_, servos_;  // by mechanism and place there
   std::map<std::pair<int, std::size_t>, std::pair<double, StopPassed>> passed_;  // share of the range, what
