@@ -290,7 +290,7 @@ std::vector<SchemaElement> SchemaElements() {
   all.push_back({"actuator/adhesion",
                  ArmModel("", "", "<actuator><adhesion $/></actuator>"),
                  "name=a;body=hand;ctrlrange=0 1;gain=3",
-                 {"body=arm", "ctrlrange=0 .5", "ctrllimited=false", "gain=4", "forcerange=-1 1",
+                 {"name=b", "body=arm", "ctrlrange=0 .5", "gain=4", "forcerange=-1 1",
                   "forcelimited=true;forcerange=0 2", "delay=.02;nsample=5"},
                  " class group interp nsample user "});
   actuator("general", "name=a;joint=shoulder;ctrlrange=-1 1;gainprm=2;biastype=affine;biasprm=0 -2 -1",

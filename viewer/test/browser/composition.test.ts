@@ -160,10 +160,15 @@ describe.skipIf(!ready)('composition', () => {
     await page.evaluate(() => fork1s?.bench.side.close());
     await page.locator('canvas.stage').focus();
     const place = (): Promise<unknown> => page.evaluate(() => JSON.stringify(fork1s?.view.stage.camera.view));
+    const settled = async (): Promise<unknown> => {
+      for (let last: unknown, now = await place(); ; last = now, now = await place()) {
+        if (now === last) return now;
+        await page.evaluate(() => new Promise((done) => setTimeout(done, 1000)));
+      }
+    };
     for (let i = 0; i < 2; ++i) {
       await page.keyboard.press('p');
-      await page.evaluate(() => new Promise((done) => setTimeout(done, 300)));
-      const shown = await place();
+      const shown = await settled();
       await page.keyboard.press('f');
       expect(await place()).toBe(shown);
     }
