@@ -133,7 +133,8 @@ void ConvertActuators(Conversion& c) {
   }
   std::map<std::string, std::pair<std::string, std::vector<std::string>>> refused;
   for (int i = 0; i < m.nactuator; ++i) {
-    if (auto refusal = WhyNoLaw(m, i); refusal && (!IsAdhesion(m, i) || IsInDisabledGroup(m, i))) {
+    if (ActsByAdhesion(m, i)) continue;
+    if (auto refusal = WhyNoLaw(m, i)) {
       auto& entry = refused[refusal->kind];
       entry.first = refusal->why;
       entry.second.push_back(c.actuator_names[i]);

@@ -28,10 +28,15 @@ std::string WhyNoAdhesion(const Conversion& c, int i) {
 
 bool IsAdhesion(const mjModel& m, int actuator) { return m.actuator_trntype[actuator] == mjTRN_BODY; }
 
+bool ActsByAdhesion(const mjModel& m, int actuator) {
+  return IsAdhesion(m, actuator) && !IsInDisabledGroup(m, actuator) &&
+         !(m.opt.disableflags & mjDSBL_ACTUATION);
+}
+
 void ConvertAdhesions(Conversion& c) {
   const mjModel& m = c.m;
   for (int i = 0; i < m.nactuator; ++i) {
-    if (!IsAdhesion(m, i) || IsInDisabledGroup(m, i)) continue;
+    if (!ActsByAdhesion(m, i)) continue;
     const std::string &name = c.actuator_names[i], what = fmt::format("adhesion actuator '{}'", name);
     if (const std::string why = WhyNoAdhesion(c, i); !why.empty()) {
       c.Dropped(what, why);

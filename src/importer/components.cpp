@@ -153,7 +153,7 @@ void FindComponents(Conversion& c) {
 
   // The control of an adhesion is one of a mechanism: a body that moves freely by itself becomes one.
   for (int i = 0; i < m.nactuator; ++i)
-    if (IsAdhesion(m, i) && !IsInDisabledGroup(m, i) && !(m.opt.disableflags & mjDSBL_ACTUATION))
+    if (ActsByAdhesion(m, i))
       if (const int top = top_of(m.actuator_trnid[2 * i]);
           top > 0 && IsFreeTop(m, top) && joints[static_cast<std::size_t>(top)] == 1)
         touching.push_back(top);

@@ -184,6 +184,8 @@ void ConvertActuators(Conversion& c);
 ControlDef& AddControl(Conversion& c, int actuator, int mechanism, const ActuatorInput& input);
 /// Adhesion actuators (adhesion.cpp).
 bool IsAdhesion(const mjModel& m, int actuator);
+/// Whether it is one that no option of the file switches off.
+bool ActsByAdhesion(const mjModel& m, int actuator);
 void ConvertAdhesions(Conversion& c);
 /// Dry friction, and bounds of what actuators give (bounded_forces.cpp); after ApplyPd.
 void ConvertBoundedForces(Conversion& c);

@@ -95,6 +95,30 @@ TEST(TwoStageContact, ASlowTouchIsNotThrownBack) {
     }
 }
 
+// A step is taken in parts where the gap closes within it, and whole where it closes just after, wherever in the step
+// that is: halves that begin where the step does go by what the whole has foreseen.
+TEST(TwoStageContact, AStepIsTakenInPartsWhereTheGapClosesWithinIt) {
+  const double h = 1.0 / 60, radius = 0.02, speed = 1;
+  for (const double share : {0.01, 0.12, 0.13, 0.24, 0.26, 0.49, 0.51, 0.76, 0.99, 1.01}) {
+    SCOPED_TRACE(share);
+    Scene scene;
+    scene.world.push_back(testing::Geometry("wall", Plane{}, 0));
+    const Vector3 start(0, 0, radius + share * speed * h);
+    scene.free_bodies.push_back(testing::BallBody("ball", 0.1, radius, start, 0));
+    World world = MustCreate(scene);
+    world.free_bodies()[0].SetState(RigidTransform(start), Vector3::Zero(), Vector3(0, 0, -speed));
+    const StepReport report = world.Step(TwoStage(h, Vector3::Zero()));
+    EXPECT_EQ(report.parts > 1, share < 1);
+    EXPECT_EQ(report.impact, share < 1);
+    // Where it lands in the last part the next step stops it.
+    world.Step(TwoStage(h, Vector3::Zero()));
+    EXPECT_LT(std::abs(world.free_bodies()[0].velocity_of_center().z()),
+              share < 1 ? 0.01 * speed : 2 * speed);
+    // The depth of the material, and the way by the hundredth of the speed that is left at most.
+    EXPECT_NEAR(world.free_bodies()[0].pose().translation().z(), radius, 1e-5 + 0.01 * speed * 2 * h);
+  }
+}
+
 // What is faster than the depth to which contacts press in, 10 um a step, is an impact also where nothing
 // weighs, whatever the size of the bodies: it stops to 1 %. Near that speed the shortest part may leave less
 // than it, and half comes back.
