@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace fork1s::internal {
@@ -12,8 +13,16 @@ constexpr double kSame = 1e-6;  // m: points that near carry what one of them ca
 // ContactMaterial::depth, ten times that, at most; so it tilts by that over its size, and between two of eight points of
 // a rim the rim is deeper by less than a twentieth of depth.
 constexpr double kAsDeep = 1e-6;
+constexpr double kOneNormal = 1e-8;  // rad: over 1 m a hundredth of kAsDeep
 // rad: no angle of a regular polygon, of which two corners would be as far
 constexpr double kFirstDirection = 0.1234;
+
+// rad: where lines cross at more, the point that touches runs along them by less than ten times their height for each radian
+constexpr double kNearlyParallel = 0.1;
+constexpr double kSameSide = 0.95;  // cosine of normals: lines apart that far pass each other
+constexpr double kBesides = 1e-9;   // of a length: the ends of lines of one length lie beside each other
+// rad: between the normal and that of a face, from where on it is not the face that is touched but its edge
+constexpr double kOnEdge = 0.01;
 
 // Room for a face that every edge of another may give one more corner.
 struct Polygon {
@@ -30,6 +39,18 @@ Vector3 Area(const SupportFace& face) {
   Vector3 sum = Vector3::Zero();
   for (int i = 1; i + 1 < face.count; ++i) sum += (face[i] - face[0]).cross(face[i + 1] - face[0]);
   return sum;
+}
+
+// The edge of a face that is highest along `up`.
+SupportFace HighestEdge(const SupportFace& face, const Vector3& up) {
+  SupportFace out;
+  int highest = 0;
+  const auto height = [&](int i) { return std::min(up.dot(face[i]), up.dot(face[(i + 1) % face.count])); };
+  for (int i = 1; i < face.count; ++i)
+    if (height(i) > height(highest)) highest = i;
+  out.Add(face[highest]);
+  out.Add(face[(highest + 1) % face.count]);
+  return out;
 }
 
 // Cuts away what lies on the negative side of a plane through `origin`.
@@ -70,38 +91,61 @@ void ContactPatch::AddOverlap(const SupportFace& a, const SupportFace& b, double
   const bool a_is_base = a.count > 2;
   const SupportFace &base = a_is_base ? a : b, &other = a_is_base ? b : a;
   const Vector3 up = a_is_base ? normal_ : Vector3(-normal_);
-  const auto add = [&](const Vector3& on_other, double height) {
-    // No two points are nearer along the normal; but where MuJoCo made one face of several that are nearly
-    // level, a plane through its corners sticks out.
-    if (deepest_) height = std::max(height, deepest_->gap);
-    if (height < margin) Add({on_other - 0.5 * height * up, height});
-  };
-  Polygon overlap;
-  for (int i = 0; i < other.count; ++i) overlap.Add(other[i]);
-
-  if (base.count == 2) {  // two edges: they carry together where they are parallel
-    const Vector3 along = base[1] - base[0], of_other = other[1] - other[0];
-    constexpr double kParallel = 0.01;  // rad: over 0.1 m, round sides of 30 mm part by 0.02 mm
-    if (along.cross(of_other).norm() > kParallel * along.norm() * of_other.norm()) return;
-    const Vector3 flat = along - along.dot(up) * up;
-    if (flat.squaredNorm() < 0.01 * along.squaredNorm()) return;  // seen end on
-    Clip(base[0], flat, false, overlap);
-    Clip(base[1], -flat, false, overlap);
-    for (int i = 0; i < overlap.count; ++i) {
-      const double s = flat.dot(overlap[i] - base[0]) / flat.squaredNorm();
-      add(overlap[i], up.dot(overlap[i] - base[0] - s * along));
-    }
-    return;
-  }
+  if (base.count == 2) return AddAlongLines(a, b, margin);
   Vector3 area = Area(base);
   const double size = area.norm();
   if (!(std::abs(area.dot(up)) > 0.1 * size)) return;  // seen from its side
   const double turn = area.dot(up) > 0 ? 1 : -1;
+  Polygon overlap;
+  for (int i = 0; i < other.count; ++i) overlap.Add(other[i]);
   for (int i = 0; i < base.count && overlap.count > 0; ++i) {
     const Vector3& from = base[i];
     Clip(from, turn * up.cross(base[(i + 1) % base.count] - from), other.count > 2, overlap);
   }
-  for (int i = 0; i < overlap.count; ++i) add(overlap[i], area.dot(overlap[i] - base[0]) / area.dot(up));
+  for (int i = 0; i < overlap.count; ++i) {
+    // No two points are nearer along the normal; but where MuJoCo made one face of several that are nearly
+    // level, a plane through its corners sticks out.
+    const double nearest = deepest_ ? deepest_->gap : -std::numeric_limits<double>::infinity(),
+                 height = std::max(area.dot(overlap[i] - base[0]) / area.dot(up), nearest);
+    if (height < margin) Add(overlap[i] - 0.5 * height * up, height);
+  }
+  if (other.count > 2 || area.dot(up) > std::cos(kOnEdge) * size || area.dot(up) < -std::cos(kOnEdge) * size)
+    return;
+  const SupportFace edge = HighestEdge(base, up);
+  AddAlongLines(a_is_base ? edge : a, a_is_base ? b : edge, margin);
+}
+
+// Round sides and edges that are nearly parallel touch in one point, which runs along them where they tilt: for each radian
+// by its height over their angle. Where they begin and end to lie beside each other, points bear along normals of their own.
+void ContactPatch::AddAlongLines(const SupportFace& a, const SupportFace& b, double margin) {
+  const Vector3 along_a = a[1] - a[0], along_b = b[1] - b[0], start_a = a[0] + a.to_axis,
+                start_b = b[0] + b.to_axis;
+  if (along_a.cross(along_b).norm() > kNearlyParallel * along_a.norm() * along_b.norm()) return;
+  const double radius_a = a.to_axis.norm(), radii = radius_a + b.to_axis.norm();
+  const auto add = [&](const Vector3& on_a, const Vector3& on_b) {
+    const double distance = (on_b - on_a).norm();
+    double gap = distance - radii;
+    const Vector3 normal = (on_b - on_a) / distance;
+    if (!(normal.dot(normal_) > kSameSide && gap < margin)) return;
+    if (deepest_) {
+      if (gap < deepest_->gap - kAsDeep)
+        return;  // by the end of a cylinder, which is nearer to its axis than its side
+      gap = std::max(gap, deepest_->gap);
+    }
+    Add({on_a + (radius_a + 0.5 * gap) * normal, gap, normal});
+  };
+  // The end of an axis, and the point beside it of another.
+  const auto beside = [](const Vector3& end, const Vector3& along, const Vector3& start,
+                         const Vector3& of_other) -> std::optional<Vector3> {
+    const double share = along.dot(end - start) / along.dot(of_other);
+    if (!(share > -kBesides && share < 1 + kBesides)) return {};
+    return start + share * of_other;
+  };
+  for (const double side : {0.0, 1.0}) {
+    const Vector3 end_a = start_a + side * along_a, end_b = start_b + side * along_b;
+    if (const auto on_b = beside(end_a, along_a, start_b, along_b)) add(end_a, *on_b);
+    if (const auto on_a = beside(end_b, along_b, start_a, along_a)) add(*on_a, end_b);
+  }
 }
 
 void ContactPatch::MergeEquals() {
@@ -142,7 +186,9 @@ int ContactPatch::ChooseSupport() {
     if (const PatchPoint& p = points_[static_cast<std::size_t>(i)]; !deepest_ || p.gap < deepest_->gap)
       deepest_ = p;
   if (count_ > kSupport) SelectOutermost();
-  const auto is_as_deep = [&](const PatchPoint& p) { return p.gap < deepest_->gap + kAsDeep; };
+  const auto is_as_deep = [&](const PatchPoint& p) {
+    return p.gap < deepest_->gap + kAsDeep && (p.normal - normal_).squaredNorm() < kOneNormal * kOneNormal;
+  };
   if (deepest_ && std::none_of(points_.begin(), points_.begin() + count_, is_as_deep)) Add(*deepest_);
   return count_;
 }

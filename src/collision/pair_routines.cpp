@@ -23,7 +23,7 @@ using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
 mjfCollision mujocos_convex = nullptr, mujocos_box_box = nullptr, mujocos_field = nullptr,
              mujocos_field_sphere = nullptr, mujocos_plane_mesh = nullptr, mujocos_plane_cylinder = nullptr,
-             mujocos_capsule_box = nullptr;
+             mujocos_capsule_box = nullptr, mujocos_capsules = nullptr;
 
 bool IsOurs(const mjModel* m) { return std::strcmp(m->names, kCollisionModelName) == 0; }
 
@@ -80,12 +80,14 @@ void AddCylinderFace(const Posed& cylinder, const Vector3& n, SupportFace& face)
   const double x = radius * n.x() / flat, y = radius * n.y() / flat;
   face.Add(cylinder.Out({x, y, -half}));
   face.Add(cylinder.Out({x, y, half}));
+  face.to_axis = cylinder.R * Vector3(-x, -y, 0);
 }
 
 void AddCapsuleFace(const Posed& capsule, const Vector3& n, SupportFace& face) {
   const Vector3 out = capsule.size[0] * n, half(0, 0, capsule.size[1]);
   face.Add(capsule.Out(out - half));
   face.Add(capsule.Out(out + half));
+  face.to_axis = capsule.R * Vector3(-out);
 }
 
 // The flat face of the hull that looks along n the most.
@@ -131,12 +133,12 @@ SupportFace FaceAlong(const mjModel* m, const mjData* d, int geom, const Vector3
 }
 
 // What is chosen of a patch; `room`: for how many.
-int WritePatch(ContactPatch& patch, const Vector3& normal, int room, mjPreContact* contacts) {
+int WritePatch(ContactPatch& patch, int room, mjPreContact* contacts) {
   const int count = std::min(patch.ChooseSupport(), room);
   for (int i = 0; i < count; ++i) {
     contacts[i].dist = patch[i].gap;
     Eigen::Map<Vector3>(contacts[i].pos) = patch[i].point;
-    Eigen::Map<Vector3>(contacts[i].normal) = normal;
+    Eigen::Map<Vector3>(contacts[i].normal) = patch[i].normal;
     Eigen::Map<Vector3>(contacts[i].tangent).setZero();
   }
   return count;
@@ -182,30 +184,36 @@ int ConvexPair(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b
   Deepest deepest;
   if (!FindDeepest(m, d, contacts, a, b, margin, deepest)) return 0;
   ContactPatch patch(deepest.normal);
-  patch.SetDeepest({deepest.point, deepest.gap});
+  patch.SetDeepest(deepest.point, deepest.gap);
   if (!(m->opt.disableflags & mjDSBL_MULTICCD))
     patch.AddOverlap(FaceAlong(m, d, a, deepest.normal), FaceAlong(m, d, b, -deepest.normal), margin);
-  return WritePatch(patch, deepest.normal, mjMAXCONPAIR, contacts);
+  return WritePatch(patch, mjMAXCONPAIR, contacts);
 }
 
 constexpr double kSameNormal =
     1 - 5e-9;  // cosine of 1e-4 rad: one face of the ground, seen by several columns
 
-// MuJoCo's nearest point is exact. Its second one is not to be had where the capsule stands out of the face
-// on both sides: which edge it names, if any, turns with the last digits of the pose, and what lies there
-// tips over.
-int CapsuleOnBox(const mjModel* m, mjData* d, mjPreContact* contacts, int capsule, int box, mjtNum margin) {
-  const int found = mujocos_capsule_box(m, d, contacts, capsule, box, margin);
+// MuJoCo's nearest point of a capsule and a box, or of two capsules, is exact. Its second one is not to be had where the
+// capsule stands out of the face on both sides, or lies along an edge: which edge it names, if any, turns with the last
+// digits of the pose, and what lies there tips over.
+int OnCapsule(const mjModel* m, const mjData* d, mjPreContact* contacts, int found, int a, int b,
+              double margin) {
   if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
-  const auto normal = [&](int i) { return Vector3(Eigen::Map<const Vector3>(contacts[i].normal)); };
-  for (int i = 1; i < found; ++i)  // round an edge: each point by a normal of its own
-    if (!(normal(0).dot(normal(i)) > kSameNormal)) return found;
-  const int nearest = found > 1 && contacts[1].dist < contacts[0].dist ? 1 : 0;
-  const Vector3 n = normal(nearest);
+  const mjPreContact nearest =
+      *std::min_element(contacts, contacts + found,
+                        [](const mjPreContact& p, const mjPreContact& q) { return p.dist < q.dist; });
+  const Vector3 n = Eigen::Map<const Vector3>(nearest.normal);
   ContactPatch patch(n);
-  patch.SetDeepest({Eigen::Map<const Vector3>(contacts[nearest].pos), contacts[nearest].dist});
-  patch.AddOverlap(FaceAlong(m, d, capsule, n), FaceAlong(m, d, box, -n), margin);
-  return WritePatch(patch, n, mjMAXCONPAIR, contacts);
+  patch.SetDeepest(Eigen::Map<const Vector3>(nearest.pos), nearest.dist);
+  patch.AddOverlap(FaceAlong(m, d, a, n), FaceAlong(m, d, b, -n), margin);
+  return WritePatch(patch, mjMAXCONPAIR, contacts);
+}
+int CapsuleOnBox(const mjModel* m, mjData* d, mjPreContact* contacts, int capsule, int box, mjtNum margin) {
+  return OnCapsule(m, d, contacts, mujocos_capsule_box(m, d, contacts, capsule, box, margin), capsule, box,
+                   margin);
+}
+int CapsuleOnCapsule(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return OnCapsule(m, d, contacts, mujocos_capsules(m, d, contacts, a, b, margin), a, b, margin);
 }
 
 // Corners of the face that looks at a plane, and what `patch` has of the shape already.
@@ -215,8 +223,8 @@ int FaceOnPlane(const mjModel* m, const mjData* d, mjPreContact* contacts, int p
   const Vector3 n = posed.R.col(2);
   const SupportFace face = FaceAlong(m, d, shape, -n);
   for (int i = 0; i < face.count; ++i)
-    if (const double gap = n.dot(face[i] - posed.p); gap < margin) patch.Add({face[i] - 0.5 * gap * n, gap});
-  return WritePatch(patch, n, mjMAXCONPAIR, contacts);
+    if (const double gap = n.dot(face[i] - posed.p); gap < margin) patch.Add(face[i] - 0.5 * gap * n, gap);
+  return WritePatch(patch, mjMAXCONPAIR, contacts);
 }
 
 // MuJoCo names the nearest corner and some of its neighbours; a face that lies on the plane has more.
@@ -224,7 +232,7 @@ int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, 
   const int found = mujocos_plane_mesh(m, d, contacts, plane, mesh, margin);
   if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
   ContactPatch patch(Posed(m, d, plane).R.col(2));
-  for (int i = 0; i < found; ++i) patch.Add({Eigen::Map<const Vector3>(contacts[i].pos), contacts[i].dist});
+  for (int i = 0; i < found; ++i) patch.Add(Eigen::Map<const Vector3>(contacts[i].pos), contacts[i].dist);
   return FaceOnPlane(m, d, contacts, plane, mesh, margin, patch);
 }
 
@@ -235,7 +243,7 @@ int CylinderOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int pla
   const int found = mujocos_plane_cylinder(m, d, contacts, plane, cylinder, margin);
   if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
   ContactPatch patch(Posed(m, d, plane).R.col(2));
-  patch.SetDeepest({Eigen::Map<const Vector3>(contacts[0].pos), contacts[0].dist});
+  patch.SetDeepest(Eigen::Map<const Vector3>(contacts[0].pos), contacts[0].dist);
   return FaceOnPlane(m, d, contacts, plane, cylinder, margin, patch);
 }
 
@@ -256,9 +264,9 @@ class FieldContacts {
         if (used[static_cast<std::size_t>(k)] || !(n.dot(Normal(k)) > kSameNormal)) continue;
         used[static_cast<std::size_t>(k)] = true;
         const mjPreContact& c = contacts_[static_cast<std::size_t>(k)];
-        patch.Add({Eigen::Map<const Vector3>(c.pos), c.dist});
+        patch.Add(Eigen::Map<const Vector3>(c.pos), c.dist);
       }
-      written += WritePatch(patch, n, mjMAXCONPAIR - written, out + written);
+      written += WritePatch(patch, mjMAXCONPAIR - written, out + written);
     }
     return written;
   }
@@ -432,6 +440,9 @@ int PlaneCylinderOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int 
 int CapsuleBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
   return (IsOurs(m) ? CapsuleOnBox : mujocos_capsule_box)(m, d, contacts, a, b, margin);
 }
+int CapsulesOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  return (IsOurs(m) ? CapsuleOnCapsule : mujocos_capsules)(m, d, contacts, a, b, margin);
+}
 int FieldOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
   return (IsOurs(m) ? ConvexOnField : mujocos_field)(m, d, contacts, a, b, margin);
 }
@@ -450,6 +461,7 @@ void InstallPairRoutines() {
     mujocos_field_sphere = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
     mujocos_plane_mesh = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
     mujocos_plane_cylinder = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
+    mujocos_capsules = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_CAPSULE];
     mujocos_capsule_box = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX];
     for (int a = 0; a < mjNGEOMTYPES; ++a)
       for (int b = a; b < mjNGEOMTYPES; ++b) {
@@ -461,6 +473,7 @@ void InstallPairRoutines() {
     mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH] = &PlaneMeshOrOwn;
     mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER] = &PlaneCylinderOrOwn;
     mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE] = &FieldSphereOrOwn;
+    mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_CAPSULE] = &CapsulesOrOwn;
     mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX] = &CapsuleBoxOrOwn;
   });
 }

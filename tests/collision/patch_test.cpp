@@ -154,6 +154,66 @@ TEST(Patch, LinesRestOnTwoPoints) {
             1u);
 }
 
+// The distance of two surfaces where a plane across the first, at `station` along its axis z, cuts them: of a round side of
+// radius r about z and another about the line p + t v, or an edge, radius 0.
+double DistanceAt(double station, double r, const Vector3& p, const Vector3& v, double radius) {
+  const Vector3 on_axis = p + (station - p.z()) / v.z() * v;
+  return on_axis.head<2>().norm() - r - radius;
+}
+
+// Round sides that lie nearly along an edge or along each other. The one point that touches runs from one end to the other
+// where they tilt by some 1e-4 rad: a wheel on the edge of a stone rocked between the two in every iteration of a step.
+TEST(Patch, LinesNearlyParallel_ApartByMicrometres_BearAtBothEnds) {
+  constexpr double kHalf = 0.1, kRadius = 0.3, kOther = 0.02, kApart = 2e-4;
+  constexpr double kSearched = 1e-6;  // m: what the search for the nearest point of a mesh leaves
+  struct Case {
+    Shape shape, other;
+    double radius;          // of the other
+    RigidTransform X_line;  // its pose in a frame with its line along z and the shape at y < 0
+  };
+  // The edge of a box at its corner (x, y) = (-0.05, -0.05), seen along the diagonal.
+  const double turn = 3.14159265358979323846 / 4, corner = 0.05;
+  const RigidTransform turned(ExpRotation(Vector3(0, 0, turn)), Vector3::Zero());
+  const RigidTransform from_edge = turned * RigidTransform(Vector3(corner, corner, 0));
+  const std::vector<Case> cases = {
+      {Cylinder{kRadius, kHalf}, Box{Vector3(corner, corner, 0.4)}, 0, from_edge},
+      {Cylinder{kRadius, kHalf}, Shape(Block(Vector3(corner, corner, 0.4))), 0, from_edge},
+      {Capsule{kRadius, kHalf}, Box{Vector3(corner, corner, 0.4)}, 0, from_edge},
+      {Cylinder{kRadius, kHalf}, Cylinder{kOther, 0.4}, kOther, {}},
+      {Cylinder{kRadius, kHalf}, Capsule{kOther, 0.4}, kOther, {}},
+      {Capsule{kRadius, kHalf}, Capsule{kOther, 0.4}, kOther, {}}};
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> u(-1, 1);
+  for (std::size_t k = 0; k < cases.size(); ++k)
+    for (const double angle : {0.0, 1e-9, 1e-7, 1e-5, 1e-4, 1e-3, 5e-3, 9.9e-3, 0.0101, 0.02, 0.05, 0.09})
+      for (const double tilt : {0.0, -1e-6, 1e-5}) {
+        SCOPED_TRACE(::testing::Message() << k << " crossed by " << angle << " tilted by " << tilt);
+        // The line runs beside the shape at the distance kRadius + radius + kApart along the diagonal y.
+        const Case& c = cases[k];
+        const Matrix3 crossed = ExpRotation(Vector3(0, angle, 0)) * ExpRotation(Vector3(tilt, 0, 0));
+        const Vector3 middle(0, kRadius + c.radius + kApart, 0);
+        const RigidTransform X_line(crossed, middle), X(ExpRotation(Vector3(u(random), u(random), u(random))),
+                                                        Vector3(u(random), u(random), u(random)));
+        const RigidTransform X_other = X_line * c.X_line;
+        for (const bool reversed : {false, true}) {
+          std::vector<CollisionBodyDef> bodies = {Moving(c.shape, X), Moving(c.other, X * X_other)};
+          if (reversed) std::swap(bodies[0], bodies[1]);
+          const auto contacts = Contacts(bodies, {}, {.margin = 5e-3});
+          bool lower = false, upper = false;
+          for (const ContactPoint& contact : contacts) {
+            const Vector3 p = X.inverse() * contact.point;
+            if (std::abs(std::abs(p.z()) - kHalf) > 1e-3 * kHalf) continue;
+            const double truth =
+                DistanceAt(std::copysign(kHalf, p.z()), kRadius, middle, crossed.col(2), c.radius);
+            // The plane lies across the one, not the other, whose section is an ellipse.
+            if (std::abs(contact.gap - truth) < kSearched + c.radius * angle * angle)
+              (p.z() > 0 ? upper : lower) = true;
+          }
+          EXPECT_TRUE(lower && upper) << contacts.size();
+        }
+      }
+}
+
 // A beam that lies across two bars. MuJoCo's routine for capsule and box named one edge of it, or none, by
 // the last digit of the pose, and the beam tipped over the other.
 TEST(Patch, ACapsuleThatStandsOutOfAFaceBearsAtItsEdges) {
