@@ -20,9 +20,8 @@ constexpr double kFirstDirection = 0.1234;
 // rad: where lines cross at more, the point that touches runs along them by less than ten times their height for each radian
 constexpr double kNearlyParallel = 0.1;
 constexpr double kSameSide = 0.95;  // cosine of normals: lines apart that far pass each other
+constexpr double kNearEnd = 0.01;   // of a length: what is nearer to an end carries what the end carries
 constexpr double kBesides = 1e-9;   // of a length: the ends of lines of one length lie beside each other
-// rad: between the normal and that of a face, from where on it is not the face that is touched but its edge
-constexpr double kOnEdge = 0.01;
 
 // Room for a face that every edge of another may give one more corner.
 struct Polygon {
@@ -41,16 +40,26 @@ Vector3 Area(const SupportFace& face) {
   return sum;
 }
 
-// The edge of a face that is highest along `up`.
-SupportFace HighestEdge(const SupportFace& face, const Vector3& up) {
-  SupportFace out;
-  int highest = 0;
-  const auto height = [&](int i) { return std::min(up.dot(face[i]), up.dot(face[(i + 1) % face.count])); };
-  for (int i = 1; i < face.count; ++i)
-    if (height(i) > height(highest)) highest = i;
-  out.Add(face[highest]);
-  out.Add(face[(highest + 1) % face.count]);
-  return out;
+bool AreNearlyParallel(const Vector3& a, const Vector3& b) {
+  return a.cross(b).norm() <= kNearlyParallel * a.norm() * b.norm();
+}
+
+// The edge of a face that is nearest to the middle of a line, of those that are nearly parallel to it.
+std::optional<SupportFace> NearestEdge(const SupportFace& face, const SupportFace& line) {
+  const Vector3 middle = 0.5 * (line[0] + line[1]);
+  std::optional<SupportFace> nearest;
+  double least = 0;
+  for (int i = 0; i < face.count; ++i) {
+    const Vector3 &from = face[i], &to = face[(i + 1) % face.count], along = to - from;
+    if (!AreNearlyParallel(along, line[1] - line[0])) continue;
+    const double distance = along.cross(middle - from).norm() / along.norm();
+    if (nearest && !(distance < least)) continue;
+    least = distance;
+    nearest.emplace();
+    nearest->Add(from);
+    nearest->Add(to);
+  }
+  return nearest;
 }
 
 // Cuts away what lies on the negative side of a plane through `origin`.
@@ -109,10 +118,9 @@ void ContactPatch::AddOverlap(const SupportFace& a, const SupportFace& b, double
                  height = std::max(area.dot(overlap[i] - base[0]) / area.dot(up), nearest);
     if (height < margin) Add(overlap[i] - 0.5 * height * up, height);
   }
-  if (other.count > 2 || area.dot(up) > std::cos(kOnEdge) * size || area.dot(up) < -std::cos(kOnEdge) * size)
-    return;
-  const SupportFace edge = HighestEdge(base, up);
-  AddAlongLines(a_is_base ? edge : a, a_is_base ? b : edge, margin);
+  if (other.count > 2) return;
+  if (const auto edge = NearestEdge(base, other))
+    AddAlongLines(a_is_base ? *edge : a, a_is_base ? b : *edge, margin);
 }
 
 // Round sides and edges that are nearly parallel touch in one point, which runs along them where they tilt: for each radian
@@ -120,19 +128,23 @@ void ContactPatch::AddOverlap(const SupportFace& a, const SupportFace& b, double
 void ContactPatch::AddAlongLines(const SupportFace& a, const SupportFace& b, double margin) {
   const Vector3 along_a = a[1] - a[0], along_b = b[1] - b[0], start_a = a[0] + a.to_axis,
                 start_b = b[0] + b.to_axis;
-  if (along_a.cross(along_b).norm() > kNearlyParallel * along_a.norm() * along_b.norm()) return;
-  const double radius_a = a.to_axis.norm(), radii = radius_a + b.to_axis.norm();
+  if (!AreNearlyParallel(along_a, along_b)) return;
+  const double radius_a = a.to_axis.norm(), radii = radius_a + b.to_axis.norm(),
+               near = kNearEnd * std::min(along_a.norm(), along_b.norm());
   const auto add = [&](const Vector3& on_a, const Vector3& on_b) {
     const double distance = (on_b - on_a).norm();
     double gap = distance - radii;
-    const Vector3 normal = (on_b - on_a) / distance;
-    if (!(normal.dot(normal_) > kSameSide && gap < margin)) return;
+    const Vector3 normal = (on_b - on_a) / distance, point = on_a + (radius_a + 0.5 * gap) * normal;
+    const auto is_near = [&](const PatchPoint& p) { return (p.point - point).squaredNorm() < near * near; };
+    count_ = static_cast<int>(std::remove_if(points_.begin(), points_.begin() + count_, is_near) -
+                              points_.begin());
     if (deepest_) {
+      if (is_near(*deepest_)) return Add(*deepest_);  // with the normal of a rim
       if (gap < deepest_->gap - kAsDeep)
-        return;  // by the end of a cylinder, which is nearer to its axis than its side
+        return;  // the flat end of a cylinder is nearer to the axis than its side
       gap = std::max(gap, deepest_->gap);
     }
-    Add({on_a + (radius_a + 0.5 * gap) * normal, gap, normal});
+    if (normal.dot(normal_) > kSameSide && gap < margin) Add({point, gap, normal});
   };
   // The end of an axis, and the point beside it of another.
   const auto beside = [](const Vector3& end, const Vector3& along, const Vector3& start,
