@@ -76,7 +76,7 @@ void Simulate(const ImportedScene& imported, double time, Json& row) {
       return;
     }
     gap = std::max(gap, simulation->JointGap());
-    unconverged += report.solver.converged ? 0 : 1;
+    unconverged += report.IsSolved() ? 0 : 1;
     deepest = std::max(deepest, report.max_penetration);
   }
   std::nth_element(spent.begin(), spent.begin() + static_cast<std::ptrdiff_t>(spent.size() / 2), spent.end());

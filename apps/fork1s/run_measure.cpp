@@ -221,7 +221,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     }
     out.step_us.push_back(spent.count());
     out.contacts_max = std::max(out.contacts_max, report.contacts);
-    out.unconverged += report.solver.converged && report.stages_converged ? 0 : 1;
+    out.unconverged += report.IsSolved() ? 0 : 1;
     Note(report.solver, simulation.dt(), out.solver);
     Note(report, simulation.world(), out.stages);
     out.refreshes += report.refreshes;
@@ -241,8 +241,8 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.energy_last = energy;
     const double gap = simulation.JointGap();
     out.gap_max = std::max(out.gap_max, gap);
-    plausible.Look(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(),
-                                report.solver.converged && report.stages_converged});
+    plausible.Look(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(), report.IsSolved(),
+                                report.stages_converged ? 0 : report.stage_residual});
     if (watches.load_factor) watch.Look(simulation, out);
     passers.Look(simulation, out.switches.size(), out);
     if (recorder)

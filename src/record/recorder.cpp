@@ -310,7 +310,7 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.contact_stage.push_back(report.solver.stage);
   s.refreshes.push_back(report.refreshes);
   s.failed_refreshes.push_back(report.failed_refreshes);
-  s.converged.push_back(report.solver.converged ? 1 : 0);
+  s.converged.push_back(report.IsSolved() ? 1 : 0);
   s.contacts_dropped.push_back(report.contacts_dropped ? 1 : 0);
   s.finite.push_back(report.finite ? 1 : 0);
   // A step that was undone leaves the contacts of the one before it.

@@ -120,7 +120,7 @@ StepReport Recording::Report(int step) const {
   r.solver.newton_iterations = data_.newton_iterations[i];
   r.solver.stage = data_.contact_stage[i];
   r.solver.residual = data_.residual[i];
-  r.solver.converged = data_.converged[i] != 0;
+  r.solver.converged = r.stages_converged = data_.converged[i] != 0;
   r.max_penetration = data_.max_penetration[i];
   r.refreshes = data_.refreshes[i];
   r.failed_refreshes = data_.failed_refreshes[i];

@@ -218,7 +218,7 @@ void PlausibleWatch::LookAtSinking(const Simulation& simulation) {
   }
 }
 
-void PlausibleWatch::LookAtForces(const Simulation& simulation, bool converged) {
+void PlausibleWatch::LookAtForces(const Simulation& simulation, const Seen& seen) {
   Contactors strongest;
   double most = 0;
   for (const auto& [key, pair] : pairs_)
@@ -232,9 +232,10 @@ void PlausibleWatch::LookAtForces(const Simulation& simulation, bool converged) 
                  most / weight_, 0) +
            "; place them apart at the start, or exclude the pair";
   });
-  if (converged) return;
+  if (seen.converged) return;
   Note(kUnconverged, 2 + most / weight_, [&] {
-    const std::string at = Print("the step to %.4g s did not converge", simulation.time(), 0, 0);
+    std::string at = Print("the step to %.4g s did not converge", simulation.time(), 0, 0);
+    if (seen.residual > 0) at += Print(" to better than %.2g mm", 1e3 * seen.residual, 0, 0);
     return (most > 0 ? at + Print(", with %.3g N between ", most, 0, 0) + names() : at) +
            "; try a smaller time step";
   });
@@ -299,7 +300,7 @@ void PlausibleWatch::Look(const Simulation& simulation, const Seen& seen) {
            "or "
            "gentler inputs";
   });
-  LookAtForces(simulation, seen.converged);
+  LookAtForces(simulation, seen);
   LookAtEnergy(simulation, seen);
 }
 

@@ -10,7 +10,7 @@ void StepTotals::Add(const StepReport& step, const World& world) {
   forces_at_bound = step.forces_at_bound;
   max_penetration = std::max(max_penetration, step.max_penetration);
   residual = std::max(residual, step.solver.residual);
-  unconverged += step.solver.converged && step.stages_converged ? 0 : 1;
+  unconverged += step.IsSolved() ? 0 : 1;
   stages += step.stages;
   stage_iterations += step.stage_iterations;
   max_newton_iterations = std::max(max_newton_iterations, step.max_stage_iterations);

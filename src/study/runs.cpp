@@ -120,7 +120,7 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
       if (options.watch_parts) run.parts.push_back(parts);
       run.refreshed.push_back(report.refreshes > 0);
       if (!report.finite) return tl::unexpected(NotFinite("reduced", s.time(), s.dt()));
-      run.unconverged += report.solver.converged ? 0 : 1;
+      run.unconverged += report.IsSolved() ? 0 : 1;
       for (const ContactRecord& c : s.world().contacts()) {
         const Vector3 force = c.point.frame.transpose() * c.impulse / options.interval;
         AddForce(tracked, s.BodyOfContactor(c.point.body_a), -force, sample);

@@ -112,7 +112,7 @@ TEST(CSimulation, GraspsAsTheCppOne) {
   double penetration = 0, residual = 0, stage_residual = 0;
   for (int i = 0; i < 60; ++i) {
     last = simulation.Step();
-    unconverged += last.solver.converged && last.stages_converged ? 0 : 1;
+    unconverged += last.IsSolved() ? 0 : 1;
     halved += last.halving != HalvingCause::kNone ? 1 : 0;
     refreshes += last.refreshes;
     penetration = std::max(penetration, last.max_penetration);

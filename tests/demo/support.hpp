@@ -43,7 +43,7 @@ inline Passage Advance(Simulation& simulation, double seconds) {
   for (int i = 0; i < steps; ++i) {
     const StepReport report = simulation.Step();
     run.finite = run.finite && report.finite;
-    run.unconverged += report.solver.converged ? 0 : 1;
+    run.unconverged += report.IsSolved() ? 0 : 1;
     run.contacts = report.contacts;
     run.gap = std::max(run.gap, simulation.ClosureGap());
     run.penetration = std::max(run.penetration, report.max_penetration);

@@ -49,7 +49,7 @@ class SceneRun {
       const double before = EnergyUnderNewControls();
       const StepReport report = simulation_.Step(!track_.times.empty());
       course.finite = report.finite;
-      course.unconverged += report.solver.converged ? 0 : 1;
+      course.unconverged += report.IsSolved() ? 0 : 1;
       course.contacts_max = std::max(course.contacts_max, report.contacts);
       course.gap = std::max(course.gap, simulation_.ClosureGap());
       course.penetration = std::max(course.penetration, report.max_penetration);

@@ -24,7 +24,8 @@ FreeBodyDef FreeCube(const std::string& name, const Vector3& place) {
   return body;
 }
 
-std::string Watched(const Scene& scene, int steps, bool converged = true) {
+// `residual`: m, of steps that are said not to have converged, by their contacts where it is 0.
+std::string Watched(const Scene& scene, int steps, bool converged = true, double residual = 0) {
   auto simulation = Simulation::Create(scene, {});
   if (!simulation) throw std::runtime_error(simulation.error().Text());
   PlausibleWatch watch(*simulation);
@@ -34,6 +35,7 @@ std::string Watched(const Scene& scene, int steps, bool converged = true) {
     seen.energy = simulation->Energy();
     seen.kinetic = simulation->KineticEnergy();
     seen.converged = converged;
+    seen.residual = residual;
     watch.Look(*simulation, seen);
   }
   std::string all;
@@ -90,6 +92,8 @@ TEST(Plausible, NamesThePairOfAStepThatDidNotConverge) {
   const std::string sentences = Watched(scene, 3, false);
   EXPECT_NE(sentences.find("did not converge, with"), std::string::npos) << sentences;
   EXPECT_NE(sentences.find("the world and 'block'"), std::string::npos) << sentences;
+  EXPECT_NE(Watched(scene, 3, false, 2.5e-7).find("did not converge to better than 0.00025 mm, with"),
+            std::string::npos);
   EXPECT_EQ(Watched(scene, 3), "");
 }
 

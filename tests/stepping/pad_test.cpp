@@ -31,7 +31,7 @@ TEST(Pad, ARestingBoxStandsOnEqualCorners) {
     World world =
         MustCreate(OnFloor(BoxBody("box", mass, Vector3(0.05, 0.05, 0.05), Vector3(0, 0, 0.05), 0.8), 0.8));
     const StepOptions step;
-    for (int i = 0; i < 120; ++i) EXPECT_TRUE(world.Step(step).solver.converged) << i;
+    for (int i = 0; i < 120; ++i) EXPECT_TRUE(world.Step(step).IsSolved()) << i;
     const std::vector<Vector3> forces = Forces(world, step.h);
     ASSERT_EQ(forces.size(), 4u);
     for (const Vector3& f : forces) {
@@ -50,7 +50,7 @@ TEST(Pad, ADroppedBoxComesToRestWithoutSqueeze) {
   box.X_WB.rotation() = Eigen::AngleAxisd(0.2, Vector3(1, 0.3, 0.2).normalized()).toRotationMatrix();
   World world = MustCreate(OnFloor(box, 0.8));
   const StepOptions step;
-  for (int i = 0; i < 300; ++i) EXPECT_TRUE(world.Step(step).solver.converged) << i;
+  for (int i = 0; i < 300; ++i) EXPECT_TRUE(world.Step(step).IsSolved()) << i;
   const std::vector<Vector3> forces = Forces(world, step.h);
   ASSERT_EQ(forces.size(), 4u);
   for (const Vector3& f : forces) {
@@ -85,7 +85,7 @@ TEST(Pad, ATableStandsOnFourLegs) {
           testing::Geometry("leg", Sphere{0.02}, 0.6, RigidTransform(Vector3(x, y, -0.7))));
   World world = MustCreate(OnFloor(table, 0.6));
   const StepOptions step;
-  for (int i = 0; i < 120; ++i) EXPECT_TRUE(world.Step(step).solver.converged) << i;
+  for (int i = 0; i < 120; ++i) EXPECT_TRUE(world.Step(step).IsSolved()) << i;
   const std::vector<Vector3> forces = Forces(world, step.h);
   ASSERT_EQ(forces.size(), 4u);
   for (const Vector3& f : forces) {
@@ -138,7 +138,7 @@ Course AfterOneSecond(const Jaws& jaws, double h) {
   step.h = h;
   Course held;
   for (int i = 0; i < static_cast<int>(std::lround(1 / h)); ++i)
-    held.unconverged += world.Step(step).solver.converged ? 0 : 1;
+    held.unconverged += world.Step(step).IsSolved() ? 0 : 1;
   const RigidTransform& X = world.free_bodies()[0].pose();
   held.fall = -X.translation().z();
   held.tilt = Eigen::AngleAxisd(Matrix3(X.rotation())).angle();

@@ -24,7 +24,7 @@ TEST(LastContactProblem, HasTheAnswerOfTheStep) {
   ContactSolver solver;
   int compared = 0;
   for (int i = 0; i < 120; ++i) {
-    ASSERT_TRUE(world.Step(testing::BackwardEuler(1.0 / 60, testing::kDown)).solver.converged) << i;
+    ASSERT_TRUE(world.Step(testing::BackwardEuler(1.0 / 60, testing::kDown)).IsSolved()) << i;
     ContactProblem problem = world.LastContactProblem();
     if (problem.contacts.empty()) continue;
     ASSERT_EQ(problem.contacts.size(), world.contacts().size());

@@ -25,6 +25,7 @@ class PlausibleWatch {
     double gap = 0;       // m, Simulation::JointGap()
     bool pushed = false;  // a force from outside acted in the step
     bool converged = true;
+    double residual = 0;  // m: StepReport::stage_residual of a step whose stages did not
   };
   /// After every step.
   void Look(const Simulation& simulation, const Seen& seen);
@@ -52,7 +53,7 @@ class PlausibleWatch {
   void LookAtSpeeds(const Simulation& simulation);
   void LookAtDepths(const Simulation& simulation);
   void LookAtSinking(const Simulation& simulation);
-  void LookAtForces(const Simulation& simulation, bool converged);
+  void LookAtForces(const Simulation& simulation, const Seen& seen);
   void UpdatePairs(const Simulation& simulation);
   double DiameterOf(const Contactors& pair) const;
   /// The pair that overlapped at the start and whose contact forces, over the depth then, can do most work;

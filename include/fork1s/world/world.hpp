@@ -110,6 +110,9 @@ struct StepReport {
   int parts = 1;             // shorter steps that made this one, of one stage each or of two
   double loop_residual = 0;  // rad or m by which the rows of any loop are open, of the mechanism's own
   bool finite = true;        // false: the step was undone and the state is that before it
+
+  /// Contacts and stages met their tolerance.
+  bool IsSolved() const { return solver.converged && stages_converged; }
 };
 
 /// What a collision body stands for.
