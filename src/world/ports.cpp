@@ -157,36 +157,43 @@ void FindClosureGroups(const Detection& detection, const std::vector<SwitchedClo
 // Places in the stacked velocities, unit by unit; the units of a group of closures stand together, at the first.
 void PlaceUnits(const Detection& detection, ConstraintRows& rows) {
   int offset = 0;
-  const int num_parts = NumParts(rows);
-  const auto place = [&](int unit) {
-    if (unit >= num_parts) {
-      rows.port_offset[static_cast<std::size_t>(unit - num_parts)] = offset;
-      offset += 6;
-      return;
-    }
-    std::size_t i = 0;
-    for (; unit >= static_cast<int>(rows.mechanisms[i].parts.size()); ++i)
-      unit -= static_cast<int>(rows.mechanisms[i].parts.size());
-    PartRows& part = rows.mechanisms[i].parts[static_cast<std::size_t>(unit)];
+  const auto place_part = [&](PartRows& part) {
     part.offset = offset;
     part.size = static_cast<int>(6 * part.groups.size() + part.limits.size() + part.frictions.size());
     offset += part.size + part.room;
   };
-  const auto place_or_group = [&](int unit) {
+  const auto place_body = [&](std::size_t contactor) {
+    rows.port_offset[contactor] = offset;
+    offset += 6;
+  };
+  const int num_parts = NumParts(rows);
+  const auto place = [&](int unit) {
+    if (unit >= num_parts) return place_body(static_cast<std::size_t>(unit - num_parts));
+    std::size_t i = 0;
+    for (; unit >= static_cast<int>(rows.mechanisms[i].parts.size()); ++i)
+      unit -= static_cast<int>(rows.mechanisms[i].parts.size());
+    place_part(rows.mechanisms[i].parts[static_cast<std::size_t>(unit)]);
+  };
+  // Whether a unit has its place as one of a group.
+  const auto place_as_group = [&](int unit) {
     for (ClosureGroup& group : rows.closure_groups) {
-      if (std::find(group.units.begin(), group.units.end(), unit) == group.units.end()) continue;
-      if (unit != group.units.front()) return;
+      if (!std::binary_search(group.units.begin(), group.units.end(), unit)) continue;
+      if (unit != group.units.front()) return true;
       group.begin = offset;
       for (const int member : group.units) place(member);
       group.end = offset;
-      return;
+      return true;
     }
-    place(unit);
+    return false;
   };
-  for (int unit = 0; unit < num_parts; ++unit) place_or_group(unit);
+  int unit = 0;
+  for (MechanismRows& block : rows.mechanisms)
+    for (PartRows& part : block.parts)
+      if (!place_as_group(unit++)) place_part(part);
   for (std::size_t c = 0; c < detection.contactors.size(); ++c)
-    if (detection.contactors[c].kind == Contactor::Kind::kFreeBody && rows.port_offset[c] >= 0)
-      place_or_group(num_parts + static_cast<int>(c));
+    if (detection.contactors[c].kind == Contactor::Kind::kFreeBody && rows.port_offset[c] >= 0 &&
+        !place_as_group(num_parts + static_cast<int>(c)))
+      place_body(c);
 }
 
 // Wrenches side by side; what is left to one thread are sums, in the order of contacts.

@@ -217,8 +217,12 @@ void EliminateClosures(ConstraintRows& rows) {
     for (int k = 0; k < rank; ++k)
       group.C.row(k).noalias() = group.Q.col(group.pivots[static_cast<std::size_t>(k)]).transpose() * group.Y;
     rows.velocities.segment(group.begin, size).noalias() += group.C.transpose() * group.y;
+    group.scratch = group.Y.colwise().squaredNorm().transpose();
     for (int k = 0; k < rank; ++k)
       group.Y.noalias() -= group.Q.col(group.pivots[static_cast<std::size_t>(k)]) * group.C.row(k);
+    // What is held altogether moves by rounding alone, which a contact would take for its inverse mass.
+    for (Eigen::Index k = 0; k < size; ++k)
+      if (group.Y.col(k).squaredNorm() <= kLeastInverseMass * group.scratch[k]) group.Y.col(k).setZero();
     const int freedoms = static_cast<int>(group.Y.rows());
     rows.blocks.push_back({group.begin, size, group.Y.data(), freedoms, freedoms});
   }

@@ -1,5 +1,6 @@
 // What is held and let go moves as closed forms say.
 #include <fork1s/sim/sensors.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 
 #include <tuple>
 
@@ -310,6 +311,101 @@ TEST(SwitchedEquality, SavedWhileItHolds_GoesOnBitByBit) {
   s.SetControl("servo", 0.2);
   RunUntil(s, 0.2);
   EXPECT_EQ(s.HashState(), hash);
+}
+
+// Expanded poses, one stage of backward Euler, and a step of 1/60 s: what hangs on the weld hangs and swings alike.
+TEST(SwitchedEquality, OtherIntegratorAndRecovery_HoldAsWell) {
+  for (const Recovery recovery : {Recovery::kExact, Recovery::kExpanded})
+    for (const Integrator integrator : {Integrator::kTwoStage, Integrator::kEuler})
+      for (const double dt : {1. / 60, 1. / 1000}) {
+        SCOPED_TRACE(fmt::format("expanded {}, Euler {}, step {}", recovery == Recovery::kExpanded,
+                                 integrator == Integrator::kEuler, dt));
+        Arm arm;
+        SimulationOptions options;
+        options.dt = dt;
+        options.recovery = recovery;
+        auto created = Simulation::Create(MustLoad(arm.Text()).scene, options);
+        ASSERT_TRUE(created) << created.error().Text();
+        Simulation& s = *created;
+        s.step_options().integrator = integrator;
+        const Vector3 held = s.Pose("arm").inverse() * Place(s, "box");
+        s.SetControl("grab", 1);
+        s.SetControl("servo", 0.5);
+        double gap = 0;
+        while (s.time() < 1) {
+          const StepReport report = s.Step();
+          ASSERT_TRUE(report.finite && report.stages_converged) << s.time();
+          gap = std::max(gap, (Place(s, "box") - s.Pose("arm") * held).norm());
+        }
+        // The jerk of the servo turns the arm by 0.5 rad within a few steps: a chord of a step, closed by exp(-h/T).
+        EXPECT_LT(gap, 0.05);
+        EXPECT_LT((Place(s, "box") - s.Pose("arm") * held).norm(), 1e-6);
+        EXPECT_LT((Force(s) - Vector3(0, 0, arm.mass * kGravity)).norm(), 1e-3 * arm.mass * kGravity);
+      }
+}
+
+// Two links hang from pins 2 m apart and meet 0.75 m below: joined there they are rigid, and by the moment of each about
+// its pin the joint bears m g (1/2)/0.75 along x, on the right one towards the left.
+TEST(SwitchedEquality, LinksOfTwoMechanismsOrOfOne_CloseALoop) {
+  const double mass = 3;
+  for (const bool one : {false, true}) {
+    SCOPED_TRACE(one);
+    const auto link = [&](const char* name, double x) {
+      return fmt::format(
+          "<body name='{0}' pos='{1} 0 0'><joint name='{0}' axis='0 1 0'/><geom type='capsule' fromto='0 0 0 {2} 0 "
+          "-.75' size='.02' mass='{3}' contype='0' conaffinity='0'/></body>",
+          name, x, -x, mass);
+    };
+    const std::string links = link("left", -1) + link("right", 1);
+    Simulation s = MustStart(
+        fmt::format(
+            "<mujoco><worldbody>{}</worldbody><equality><connect name='pin' body1='left' body2='right' "
+            "anchor='1 0 -.75' active='false'/></equality></mujoco>",
+            one ? "<body name='frame'><joint name='lift' type='slide' axis='0 0 1' stiffness='1e6' "
+                  "damping='1e4'/><geom size='.1' mass='1' contype='0' conaffinity='0'/>" +
+                      links + "</body>"
+                : links),
+        1. / 480);
+    EXPECT_EQ(s.world().mechanisms().size(), one ? 1u : 2u);
+    const auto gap = [&] {
+      return (s.Pose("left") * Vector3(1, 0, -0.75) - s.Pose("right") * Vector3(-1, 0, -0.75)).norm();
+    };
+    s.SetControl("pin", 1);
+    RunUntil(s, 1);
+    EXPECT_LT(gap(), 1e-6);
+    EXPECT_LT((Force(s) - Vector3(-mass * kGravity * 0.5 / 0.75, 0, 0)).norm(), 1e-4 * mass * kGravity);
+    s.SetControl("pin", 0);
+    RunUntil(s, 1.2);
+    // They pass each other.
+    EXPECT_GT(gap(), 0.05);
+    EXPECT_EQ(Force(s).norm(), 0);
+  }
+}
+
+// A reference pose within the floor: what is hard in both directions bears more than contact, which only presses.
+TEST(SwitchedEquality, ThatAsksForAPoseInsideOfTheFloor_HoldsItAndStaysCalm) {
+  Simulation s = MustStart(
+      "<mujoco><worldbody><geom type='plane' size='5 5 1'/><body name='crate' pos='0 0 .1'><freejoint/><geom type='box' "
+      "size='.1 .1 .1' mass='3'/></body></worldbody><equality><weld name='sunk' body1='world' body2='crate' "
+      "relpose='0 0 .09 1 0 0 0' active='false'/></equality></mujoco>",
+      1. / 240);
+  RunUntil(s, 0.1);
+  s.SetControl("sunk", 1);
+  for (int k = 0; k < 120; ++k) {
+    const StepReport report = s.Step();
+    ASSERT_TRUE(report.finite && report.stages_converged && report.solver.converged) << k;
+  }
+  EXPECT_NEAR(Place(s, "crate").z(), 0.09, 1e-6);
+  EXPECT_LT(s.Velocity(s.FindBody("crate")).norm(), 1e-6);
+  s.SetControl("sunk", 0);
+  double highest = 0;
+  for (int k = 0; k < 240; ++k) {
+    ASSERT_TRUE(s.Step().finite);
+    highest = std::max(highest, Place(s, "crate").z());
+  }
+  // What overlaps is pushed apart at 0.1 m/s at most, with which it hops by 0.5 mm (docs/method.md).
+  EXPECT_LT(highest, 0.101);
+  EXPECT_NEAR(Place(s, "crate").z(), 0.1, 1e-4);
 }
 
 }  // namespace
