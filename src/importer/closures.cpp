@@ -11,9 +11,45 @@
 #include "names.hpp"
 
 namespace fork1s::internal {
-namespace {
+
+std::string SceneName(const Conversion& c, int b) {
+  const BodyPlace& place = c.body[b];
+  if (place.mechanism >= 0) return c.scene.mechanisms[place.mechanism].bodies[place.body.u()].name;
+  if (place.free_body >= 0) return c.scene.free_bodies[place.free_body].name;
+  return "world";
+}
 
 bool MovesRelative(const mjModel& m, int a, int b) { return m.body_weldid[a] != m.body_weldid[b]; }
+
+EqualityFrames FramesOfEquality(const Conversion& c, int e) {
+  const mjModel& m = c.m;
+  const EqualityPlace on_a = PlaceOfEquality(m, e, 0), on_b = PlaceOfEquality(m, e, 1);
+  const mjtNum* data = m.eq_data + mjNEQDATA * e;
+  const RigidTransform X_ab = c.WorldPose(on_a.body).inverse() * c.WorldPose(on_b.body);  // at the reference
+  EqualityFrames out;
+  if (m.eq_type[e] == mjEQ_CONNECT) {
+    const bool sites = HoldsSites(m, e);
+    const Vector3 point_a = sites ? on_a.X_BS.translation() : Vec3(data),
+                  point_b = sites ? on_b.X_BS.translation() : X_ab.inverse() * point_a;
+    out.X_AJ = RigidTransform(point_a);
+    // The two frames start parallel, so that the rotation c leaves free is measured from the reference.
+    out.X_BJ = RigidTransform(Matrix3(X_ab.rotation().transpose()), point_b);
+    out.rigid << false, false, false, true, true, true;
+  } else if (HoldsSites(m, e)) {
+    out.X_AJ = on_a.X_BS;
+    out.X_BJ = on_b.X_BS;
+    out.rigid[2] = c.hinges.count(NameOr(m, m.name_eqadr[e], "equality", e)) == 0;
+  } else {
+    // Point data[0..2] of body b stays on point data[3..5] of body a, turned by the quaternion data[6..9].
+    const Quaternion turn(data[6], data[7], data[8], data[9]);
+    out.X_AJ = X_ab * RigidTransform(Vec3(data));
+    if (turn.norm() > 0.5) out.X_AJ = RigidTransform(turn, Vec3(data + 3));
+    out.X_BJ = RigidTransform(Vec3(data));
+  }
+  return out;
+}
+
+namespace {
 
 void ConvertClosure(Conversion& c, int e) {
   const mjModel& m = c.m;
@@ -27,32 +63,11 @@ void ConvertClosure(Conversion& c, int e) {
     return;
   }
   const Anchor at_a = AnchorIn(c, mechanism, a), at_b = AnchorIn(c, mechanism, b);
-  const mjtNum* data = m.eq_data + mjNEQDATA * e;
-  const RigidTransform X_ab = c.WorldPose(a).inverse() * c.WorldPose(b);  // at the reference
+  const EqualityFrames frames = FramesOfEquality(c, e);
   ClosureDef closure;
-  if (m.eq_type[e] == mjEQ_CONNECT) {
-    const bool sites = HoldsSites(m, e);
-    const Vector3 point_a = sites ? on_a.X_BS.translation() : Vec3(data),
-                  point_b = sites ? on_b.X_BS.translation() : X_ab.inverse() * point_a;
-    closure.X_AJ = at_a.X_AB * RigidTransform(point_a);
-    closure.X_BJ = at_b.X_AB * RigidTransform(point_b);
-    // The two frames start parallel, so that the rotation c leaves free is measured from the reference.
-    closure.X_BJ.rotation() = at_b.X_AB.rotation() * X_ab.rotation().transpose();
-    closure.rigid << false, false, false, true, true, true;
-  } else if (HoldsSites(m, e)) {
-    closure.X_AJ = at_a.X_AB * on_a.X_BS;
-    closure.X_BJ = at_b.X_AB * on_b.X_BS;
-    closure.rigid.setConstant(true);
-    closure.rigid[2] = c.hinges.count(name) == 0;
-  } else {
-    // Point data[0..2] of body b stays on point data[3..5] of body a, turned by the quaternion data[6..9].
-    const Quaternion turn(data[6], data[7], data[8], data[9]);
-    RigidTransform X_aj = X_ab * RigidTransform(Vec3(data));
-    if (turn.norm() > 0.5) X_aj = RigidTransform(turn, Vec3(data + 3));
-    closure.X_AJ = at_a.X_AB * X_aj;
-    closure.X_BJ = at_b.X_AB * RigidTransform(Vec3(data));
-    closure.rigid.setConstant(true);
-  }
+  closure.X_AJ = at_a.X_AB * frames.X_AJ;
+  closure.X_BJ = at_b.X_AB * frames.X_BJ;
+  closure.rigid = frames.rigid;
   closure.name = name;
   closure.body_a = at_a.body;
   closure.body_b = at_b.body;
@@ -143,13 +158,6 @@ std::string NamesOf(const Conversion& c, const std::vector<int>& equalities) {
   std::vector<std::string> names;
   for (const int e : equalities) names.push_back(EqualityName(c, e));
   return Quoted(names);
-}
-
-std::string SceneName(const Conversion& c, int b) {
-  const BodyPlace& place = c.body[b];
-  if (place.mechanism >= 0) return c.scene.mechanisms[place.mechanism].bodies[place.body.u()].name;
-  if (place.free_body >= 0) return c.scene.free_bodies[place.free_body].name;
-  return "world";
 }
 
 }  // namespace
@@ -265,6 +273,7 @@ void ConvertEqualities(Conversion& c) {
   for (int e = 0; e < m.neq; ++e) {
     const std::string name = EqualityName(c, e);
     if (c.used_equality[e]) continue;
+    if (c.IsSwitchable(e)) continue;  // ConvertSwitchedEqualities
     if (!m.eq_active0[e]) {
       inactive.push_back(name);
     } else if (!c.IsActive(e)) {
@@ -284,8 +293,8 @@ void ConvertEqualities(Conversion& c) {
   }
   c.DroppedMany(
       "inactive equality constraint", inactive,
-      "active is false, and equalities are not switched while a simulation runs; with active true it "
-      "holds from the start to the end");
+      "active is false, and of equalities welds and connects that have a name are switched while a simulation "
+      "runs; with active true it holds from the start to the end");
   c.DroppedMany("equality constraint", disabled,
                 "a flag of <option> disables it: remove equality or constraint from <flag>");
   c.DroppedMany("equality constraint", empty,

@@ -158,6 +158,25 @@ void FindComponents(Conversion& c) {
           top > 0 && IsFreeTop(m, top) && joints[static_cast<std::size_t>(top)] == 1)
         touching.push_back(top);
 
+  // So is that of an equality that is switched, which needs one on one side.
+  const auto is_lone = [&](int top) {
+    if (!IsFreeTop(m, top) || joints[static_cast<std::size_t>(top)] != 1) return false;
+    if (std::find(touching.begin(), touching.end(), top) != touching.end()) return false;
+    for (int b = 1; b < m.nbody; ++b)
+      if (b != top && m.body_parentid[b] == 0 && sets.Find(b) == sets.Find(top)) return false;
+    return true;
+  };
+  for (int e = 0; e < m.neq; ++e) {
+    if (!c.IsSwitchable(e)) continue;
+    const int a = top_of(PlaceOfEquality(m, e, 0).body), b = top_of(PlaceOfEquality(m, e, 1).body);
+    const auto has_no_control = [&](int top) { return is_still(top) || IsMocap(m, top) || is_lone(top); };
+    if (!has_no_control(a) || !has_no_control(b)) continue;
+    if (is_lone(a))
+      touching.push_back(a);
+    else if (is_lone(b))
+      touching.push_back(b);
+  }
+
   std::vector<int> component_of(m.nbody, -1);
   for (int b = 1; b < m.nbody; ++b) {
     if (m.body_parentid[b] != 0 || is_still(b)) continue;

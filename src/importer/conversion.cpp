@@ -83,6 +83,12 @@ bool Conversion::IsActive(int e) const {
   return m.eq_active0[e] && !(m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT));
 }
 
+bool Conversion::IsSwitchable(int e) const {
+  return !m.eq_active0[e] && m.names[m.name_eqadr[e]] != '\0' &&
+         (m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD) &&
+         !(m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT));
+}
+
 bool Conversion::EqualityWorks(int e) const {
   if (!IsActive(e)) return false;
   if (m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD) return true;

@@ -40,7 +40,7 @@ struct Component {
 
 /// Bookkeeping beside a ControlDef.
 struct ControlSource {
-  int ctrl = -1;       // index of the file's control; -1: made by pd
+  int ctrl = -1;       // index of the file's control; -1: made by pd, or of a switched equality
   int act = -1;        // of its activation, of a control with dynamics
   bool motor = false;  // pushes on one freedom and holds nothing
   std::vector<int> dofs;
@@ -104,7 +104,9 @@ struct Conversion {
   std::string DofName(int dof) const;  // joint name, with its axis if it has several
   double Reference(int dof) const;     // qpos0 of a hinge or slide, 0 otherwise
   const char* StiffnessUnit(int dof) const;
-  bool IsActive(int equality) const;       // switched on in the file
+  bool IsActive(int equality) const;  // switched on in the file
+  /// Off in the file, and a control of its name switches it: a weld or connect with a name.
+  bool IsSwitchable(int equality) const;
   bool EqualityWorks(int equality) const;  // active, understood, and joins something
   /// What a length is in a definition: `terms` of freedoms, or a path, which is made where it is asked for
   /// the first time.
@@ -161,6 +163,17 @@ struct EqualityPlace {
 EqualityPlace PlaceOfEquality(const mjModel& m, int equality, int which);
 inline bool HoldsSites(const mjModel& m, int equality) { return m.eq_objtype[equality] == mjOBJ_SITE; }
 
+/// Frames J on both bodies that a connect or weld holds together, in these bodies, and the directions in which it does.
+struct EqualityFrames {
+  RigidTransform X_AJ, X_BJ;
+  Eigen::Matrix<bool, 6, 1> rigid = Eigen::Matrix<bool, 6, 1>::Constant(true);
+};
+EqualityFrames FramesOfEquality(const Conversion& c, int equality);
+/// Whether two bodies of the file are no single rigid one.
+bool MovesRelative(const mjModel& m, int a, int b);
+/// Name in the scene of a body of the file; "world" of a still one.
+std::string SceneName(const Conversion& c, int body);
+
 std::string NameOr(const mjModel& m, int address, const char* kind, int id);
 
 /// Everything below, in order (importer.cpp).
@@ -176,6 +189,10 @@ void ConvertGeoms(Conversion& c);
 void ListDoubtfulMeshes(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).
 void ConvertEqualities(Conversion& c);
+/// Equalities that a control switches (switched_equalities.cpp); after ConvertActuators, whose names are taken.
+void ConvertSwitchedEqualities(Conversion& c);
+/// Their bodies become interface bodies; after ApplyCustom.
+void AddSwitchedInterfaces(Conversion& c);
 std::optional<Error> ConvertMimics(Conversion& c, const std::vector<Mimic>& mimics);
 /// Actuators as inputs and springs (actuators.cpp).
 bool TendonWorks(const mjModel& m, const mjData& d, int tendon);

@@ -85,7 +85,8 @@ void NoteOthers(Conversion& c, const std::vector<HeldControl>& held) {
     for (std::size_t k = 0; k < c.controls[m].size(); ++k) {
       const bool is_held = std::any_of(
           held.begin(), held.end(), [&](const HeldControl& h) { return h.mechanism == m && h.control == k; });
-      if (!is_held && c.controls[m][k].pd.empty()) others.push_back(c.scene.mechanisms[m].controls[k].name);
+      if (!is_held && c.controls[m][k].pd.empty() && c.controls[m][k].ctrl >= 0)
+        others.push_back(c.scene.mechanisms[m].controls[k].name);
     }
   }
   c.NoteMany(ImportNote::Kind::kChosen, "control", others,

@@ -167,9 +167,11 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   ConvertSprings(c);
   ConvertActuators(c);
   ConvertEqualities(c);
+  ConvertSwitchedEqualities(c);
   if (auto error = ConvertMimics(c, mimics)) return error;
   ListUnsupported(c);
   if (auto error = ApplyCustom(c, options)) return error;
+  AddSwitchedInterfaces(c);
   if (auto error = ConvertKeyframes(c, options.keyframe)) return error;
   if (auto error = ApplyInitialState(c, options, mimics)) return error;
   if (auto error = ApplyGround(c, options)) return error;

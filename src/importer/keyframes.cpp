@@ -31,7 +31,7 @@ KeyframeDef::MechanismState MechanismAt(const Conversion& c, const Component& co
   for (std::size_t i = 0; i < mechanism.controls.size(); ++i) {
     const ControlDef& control = mechanism.controls[i];
     const ControlSource& source = c.controls[index][i];
-    const double u = m.key_ctrl[key * m.nu + source.ctrl];
+    const double u = source.ctrl < 0 ? control.initial : m.key_ctrl[key * m.nu + source.ctrl];
     state.controls[static_cast<Eigen::Index>(i)] = std::clamp(u, control.lower, control.upper);
     if (source.act < 0) continue;
     if (state.activation.size() == 0) state.activation = VectorX::Zero(state.controls.size());

@@ -213,6 +213,25 @@ Expected<void> CheckAdhesions(const MechanismDef& def) {
   return {};
 }
 
+Expected<void> CheckSwitchedClosures(const MechanismDef& def) {
+  for (const SwitchedClosureDef& s : def.switched_closures) {
+    const std::string where = Named("switched closure", s.name);
+    if (!def.FindBody(s.body_a).valid())
+      return Refuse(where, fmt::format("names the body '{}'; mechanism '{}' has no body of this name",
+                                       s.body_a, def.name));
+    if (FindControl(def, s.control) < 0)
+      return Refuse(where, fmt::format("names the control '{}', which is not there; add it", s.control));
+    if (!s.X_AJ.IsFinite() || !s.X_BJ.IsFinite()) return Refuse(where, "has a frame that is not finite");
+    if (!(s.time_constant > 0) || !std::isfinite(s.time_constant))
+      return Refuse(where, fmt::format("has a time constant of {} s; give one above 0", s.time_constant));
+    if (s.rigid[0] != s.rigid[1] || (s.rigid[2] && !s.rigid[0]))
+      return Refuse(where,
+                    "holds some rotations alone; hold all, all but that about z of its frame, or none");
+    if (!s.rigid.any()) return Refuse(where, "holds no direction; mark those that it holds as rigid");
+  }
+  return {};
+}
+
 Expected<void> CheckMuscles(const MechanismDef& def) {
   for (const MuscleDef& m : def.muscles) {
     const std::string where = Named("muscle", m.name);
@@ -302,6 +321,7 @@ Expected<void> CheckConnections(const MechanismDef& def) {
   if (auto ok = CheckBoundedForces(def); !ok) return ok;
   if (auto ok = CheckMuscles(def); !ok) return ok;
   if (auto ok = CheckAdhesions(def); !ok) return ok;
+  if (auto ok = CheckSwitchedClosures(def); !ok) return ok;
   for (const std::string& name : def.interfaces)
     if (!def.FindBody(name).valid())
       return Refuse(Named("interface", name),

@@ -10,10 +10,10 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 22;
+inline constexpr int kFormatVersion = 23;
 // Values of sensors are recorded since this one.
 inline constexpr int kVersionOfSensors = 20;
-// The oldest that is read, and all to kFormatVersion are: couplings have terms since 19, controls activations since 21, scenes adhesions since 22. This one differs in the step
+// The oldest that is read, and all to kFormatVersion are: couplings have terms since 19, controls activations since 21, scenes adhesions since 22 and switched closures since 23. This one differs in the step
 // as well: `theta` and stepping by twists were other integrators, `euler` had other rules.
 inline constexpr int kVersionOfOtherSteps = 17;
 inline constexpr const char* kFormatName = "fork1s recording";

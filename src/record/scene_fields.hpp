@@ -251,16 +251,24 @@ void Fields(A& a, Like<AdhesionDef, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<SwitchedClosureDef, A>& s) {
+  auto& [name, body_a, body_b, X_AJ, X_BJ, rigid, control, time_constant] = s;
+  a("name", name), a("body_a", body_a), a("body_b", body_b), a("X_AJ", X_AJ), a("X_BJ", X_BJ);
+  a("rigid", rigid), a("control", control), a("time_constant", time_constant);
+}
+
+template <class A>
 void Fields(A& a, Like<MechanismDef, A>& s) {
   auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
-         length_limits, force_limits, muscles, adhesions, interfaces, chosen, modes, modes_by_step,
-         mode_choice, parent_filter] = s;
+         length_limits, force_limits, muscles, adhesions, switched_closures, interfaces, chosen, modes,
+         modes_by_step, mode_choice, parent_filter] = s;
   a("name", name), a("base", base), a("X_WR", X_WR), a("bodies", bodies), a("joints", joints);
   a("closures", closures), a("couplings", couplings), a("paths", paths), a("springs", springs),
       a("controls", controls);
   a("frictions", frictions), a("length_limits", length_limits), a("force_limits", force_limits);
-  a.Optional("muscles", muscles);      // files of versions before 21 have none
-  a.Optional("adhesions", adhesions);  // before 22
+  a.Optional("muscles", muscles);                      // files of versions before 21 have none
+  a.Optional("adhesions", adhesions);                  // before 22
+  a.Optional("switched_closures", switched_closures);  // before 23
   a("interfaces", interfaces), a("interfaces_chosen", chosen), a("modes", modes);
   a("modes_by_step", modes_by_step), a("mode_choice", mode_choice), a("parent_filter", parent_filter);
 }

@@ -240,11 +240,18 @@ void Fields(A& a, Like<WorldState::Rows, A>& s) {
 }
 
 template <class A>
+void Fields(A& a, Like<SwitchedClosureRecord, A>& s) {
+  auto& [acts, point_W, impulse_W, moment_W] = s;
+  a("acts", acts), a("point_W", point_W), a("impulse_W", impulse_W), a("moment_W", moment_W);
+}
+
+template <class A>
 void Fields(A& a, Like<WorldState, A>& s) {
-  auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction, rows] = s;
+  auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction, rows,
+         switched_closures] = s;
   a("mechanisms", mechanisms), a("free_bodies", free_bodies), a("contacts", contacts);
   a("contacts_h", contacts_h), a("contactor_poses", contactor_poses), a("contraction", contraction);
-  a("rows", rows);
+  a("rows", rows), a("switched_closures", switched_closures);
 }
 
 template <class A>

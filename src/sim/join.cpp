@@ -123,7 +123,7 @@ void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef
   // A field more does not compile here: then append it, or leave it to the host.
   [[maybe_unused]] const auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs,
                                 controls, frictions, length_limits, force_limits, muscles, adhesions,
-                                interfaces, chosen, modes, by_step, choice, filter] = from;
+                                switched_closures, interfaces, chosen, modes, by_step, choice, filter] = from;
   for (std::size_t b = 1; b < from.bodies.size(); ++b) {
     to.bodies.push_back(from.bodies[b]);
     to.bodies.back().parent = shift(from.bodies[b].parent);
@@ -157,6 +157,8 @@ void AppendDefinition(const MechanismDef& from, const Shift& shift, MechanismDef
   for (const ForceLimitDef& f : from.force_limits) to.force_limits.push_back(shift.OnLength(f));
   for (const MuscleDef& m : from.muscles) to.muscles.push_back(shift.OnLength(m));
   to.adhesions.insert(to.adhesions.end(), from.adhesions.begin(), from.adhesions.end());
+  to.switched_closures.insert(to.switched_closures.end(), from.switched_closures.begin(),
+                              from.switched_closures.end());
   to.interfaces.insert(to.interfaces.end(), from.interfaces.begin(), from.interfaces.end());
   to.modes += from.modes;
   to.modes_by_step |= from.modes_by_step;

@@ -174,6 +174,14 @@ void Sensors::EvaluateCut(const Simulation& simulation, const SensorDef& s, doub
     if (has(BodyOfGeometry(simulation, c.point.body_a, c.point.geometry_a)))
       subtract(-force, c.point.point, -moment);
   }
+  std::size_t closure = 0;
+  for (const MechanismDef& m : simulation.present_scene().mechanisms)
+    for (const SwitchedClosureDef& def : m.switched_closures) {
+      const SwitchedClosureRecord& record = simulation.world().switched_closures()[closure++];
+      const Vector3 force = record.impulse_W / h, moment = record.moment_W / h;
+      if (has(simulation.FindBody(def.body_b))) subtract(force, record.point_W, moment);
+      if (has(simulation.FindBody(def.body_a))) subtract(-force, record.point_W, -moment);
+    }
   for (const HoldForce& hold : simulation.HoldForces()) {
     if (has(hold.held)) subtract(hold.force_W, hold.point_W, Vector3::Zero());
     if (has(hold.body)) subtract(-hold.force_W, hold.point_W, Vector3::Zero());

@@ -180,6 +180,12 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
             ErrorCode::kModel, "adhesion '" + m.adhesions.front().name + "' of mechanism '" + m.name + "'",
             "detail 'object' holds by contacts that press, and would not let go with the adhesion; keep "
             "detail 'interface'");
+    for (const MechanismDef& m : scene_.mechanisms)
+      if (!m.switched_closures.empty())
+        return Fail(ErrorCode::kModel,
+                    "equality '" + m.switched_closures.front().name + "' of mechanism '" + m.name + "'",
+                    "detail 'object' makes one mechanism of what holds a body, and would not let go with an "
+                    "equality that is switched off; keep detail 'interface'");
     holds = holds_.empty() ? known_holds : holds_;
     if (holds.empty()) holds = internal::FindHolds(*present_scene_, world_, dt_);
     if (holds.empty())

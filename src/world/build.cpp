@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "detail.hpp"
 #include "group_geometry.hpp"
@@ -58,6 +59,9 @@ const std::vector<FreeBody>& World::free_bodies() const { return detail_->bodies
 const std::vector<ContactRecord>& World::contacts() const { return detail_->contacts_; }
 const std::vector<ContactPoint>& World::start_points() const { return detail_->start_points_; }
 const std::vector<Contactor>& World::contactors() const { return detail_->detection_.contactors; }
+const std::vector<SwitchedClosureRecord>& World::switched_closures() const {
+  return detail_->closure_records_;
+}
 std::vector<std::pair<int, int>> World::PairsThatMayTouch() const {
   if (!detail_->detection_.world) return {};
   return detail_->detection_.world->PairsThatMayTouch();
@@ -211,9 +215,15 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
 Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& options) {
   std::vector<CollisionBodyDef> bodies;
   std::map<std::string, int> index_of;
-  auto add = [&](CollisionBodyDef body, Contactor contactor) {
-    const bool touches = std::any_of(body.geometries.begin(), body.geometries.end(),
-                                     [](const GeometryDef& g) { return g.Collides(); });
+  std::set<std::string> closed;  // bodies of switched closures, which take part without a shape
+  for (const MechanismDef& m : scene.mechanisms)
+    for (const SwitchedClosureDef& closure : m.switched_closures)
+      closed.insert({closure.body_a, closure.body_b});
+  closed.erase("world");
+  std::map<std::string, BodyOnContactor> places = {{"world", {0, RigidTransform()}}};
+  auto add = [&](CollisionBodyDef body, Contactor contactor, bool is_closed = false) {
+    const bool touches = is_closed || std::any_of(body.geometries.begin(), body.geometries.end(),
+                                                  [](const GeometryDef& g) { return g.Collides(); });
     if (!touches && contactor.kind != Contactor::Kind::kWorld) return -1;
     contactor.name = body.name;
     bodies.push_back(std::move(body));
@@ -239,9 +249,18 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
       contactor.kind = body.moves ? Contactor::Kind::kGroup : Contactor::Kind::kWorld;
       contactor.index = static_cast<int>(i);
       contactor.group = static_cast<int>(g);
-      if (body.geometries.empty()) continue;
-      const int at = of_joint[group.last_joint] = add(std::move(body), contactor);
-      for (BodyIndex b : group.bodies) index_of[m.mechanism().body(b).name] = at;
+      const bool is_closed = std::any_of(group.bodies.begin(), group.bodies.end(), [&](BodyIndex b) {
+        return closed.count(m.mechanism().body(b).name) > 0;
+      });
+      if (body.geometries.empty() && !is_closed) continue;
+      const RigidTransform X_GR = m.mechanism().body(group.body).X_RB0.inverse(),
+                           X_CG = body.moves ? RigidTransform() : body.X_WB;
+      const int at = of_joint[group.last_joint] = add(std::move(body), contactor, is_closed);
+      for (BodyIndex b : group.bodies) {
+        index_of[m.mechanism().body(b).name] = at;
+        places.emplace(m.mechanism().body(b).name,
+                       BodyOnContactor{at, X_CG * (X_GR * m.mechanism().body(b).X_RB0)});
+      }
     }
     for (const auto& [a, b] : m.mechanism().FilteredContacts())
       if (const auto in_a = of_joint.find(a), in_b = of_joint.find(b);
@@ -254,8 +273,10 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
     contactor.index = static_cast<int>(i);
     const int at =
         add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, bodies_.free_bodies[i].pose()},
-            contactor);
-    if (at >= 0) index_of[scene.free_bodies[i].name] = at;
+            contactor, closed.count(scene.free_bodies[i].name) > 0);
+    if (at < 0) continue;
+    index_of[scene.free_bodies[i].name] = at;
+    places.emplace(scene.free_bodies[i].name, BodyOnContactor{at, RigidTransform()});
   }
   for (const auto& [a, b] : scene.excluded_pairs)
     if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b])
@@ -271,6 +292,13 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
   auto adhesions = FindAdhesions(bodies_, scene.contact_pairs, detection_);
   if (!adhesions) return tl::unexpected(adhesions.error());
   adhesions_ = std::move(*adhesions);
+  auto closures = FindSwitchedClosures(bodies_, [&](const std::string& name) {
+    const auto at = places.find(name);
+    return at == places.end() ? BodyOnContactor() : at->second;
+  });
+  if (!closures) return tl::unexpected(closures.error());
+  closures_ = std::move(*closures);
+  closure_records_.resize(closures_.size());
   rows_.port_offset.assign(detection_.contactors.size(), -1);
   rows_.port_part.assign(detection_.contactors.size(), 0);
   return {};

@@ -19,6 +19,7 @@
 #include "refresh.hpp"
 #include "rows.hpp"
 #include "stage_residual.hpp"
+#include "switched_closures.hpp"
 #include "world/island_solver.hpp"
 
 namespace fork1s {
@@ -72,6 +73,8 @@ struct World::Detail {
   ConstraintRows rows_;
   std::vector<StopHistory> stops_;  // per mechanism
   std::vector<Adhesion> adhesions_;
+  std::vector<SwitchedClosure> closures_;
+  std::vector<SwitchedClosureRecord> closure_records_;
   std::vector<RefreshState> refreshes_;
   std::vector<char> finite_;  // per mechanism, by IsFinite
   struct {                    // forces with bounds and springs with slack

@@ -23,7 +23,8 @@ void ImpulseSums::Reserve(std::size_t count) {
   ended.reserve(count);
 }
 
-void ImpulseSums::Clear(std::size_t mechanisms) {
+void ImpulseSums::Clear(std::size_t mechanisms, std::size_t switched_closures) {
+  closures.assign(switched_closures, Vector6::Zero());
   contacts.clear();
   ended.clear();
   rows.resize(mechanisms);

@@ -15,9 +15,10 @@ struct ImpulseSums {
   std::vector<Contact> contacts;       // of the stage added last, in its order
   std::vector<ContactRecord> ended;    // of stages before, that are none of these
   std::vector<WorldState::Rows> rows;  // per mechanism: stops and dry friction
+  std::vector<Vector6> closures;  // per switched closure: moment about the world's origin and impulse, on b
 
   void Reserve(std::size_t contacts);
-  void Clear(std::size_t mechanisms);
+  void Clear(std::size_t mechanisms, std::size_t switched_closures);
   /// Impulses of stops and dry friction of a mechanism in a stage, times `weight`.
   void AddRows(double weight, std::size_t mechanism, const std::vector<double>& limit_impulses,
                const std::vector<double>& friction_impulses);

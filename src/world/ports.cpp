@@ -101,6 +101,101 @@ void FillRows(const MechanismDynamics& m, const PortOptions& options, MechanismR
   }
 }
 
+// Units of the stacked velocities: the parts of all mechanisms, then contactors, of which free bodies count.
+int NumParts(const ConstraintRows& rows) {
+  std::size_t count = 0;
+  for (const MechanismRows& block : rows.mechanisms) count += block.parts.size();
+  return static_cast<int>(count);
+}
+int UnitOf(const Detection& detection, const ConstraintRows& rows, int contactor) {
+  const auto at = static_cast<std::size_t>(contactor);
+  const Contactor& c = detection.contactors[at];
+  if (c.kind == Contactor::Kind::kWorld) return -1;
+  if (c.kind == Contactor::Kind::kFreeBody) return NumParts(rows) + contactor;
+  int unit = rows.port_part[at];
+  for (int i = 0; i < c.index; ++i)
+    unit += static_cast<int>(rows.mechanisms[static_cast<std::size_t>(i)].parts.size());
+  return unit;
+}
+
+// What closures that act join.
+void FindClosureGroups(const Detection& detection, const std::vector<SwitchedClosure>& closures,
+                       ConstraintRows& rows) {
+  std::vector<ClosureGroup>& groups = rows.closure_groups;
+  std::size_t count = 0;
+  const auto has = [](const std::vector<int>& units, int unit) {
+    return unit >= 0 && std::find(units.begin(), units.end(), unit) != units.end();
+  };
+  for (const SwitchedClosure& closure : closures) {
+    if (!closure.acts) continue;
+    const int ends[] = {UnitOf(detection, rows, closure.a), UnitOf(detection, rows, closure.b)};
+    // The first group that one of both is in takes in the others.
+    std::size_t into = 0;
+    while (into < count && !has(groups[into].units, ends[0]) && !has(groups[into].units, ends[1])) ++into;
+    if (into == count) {
+      if (count == groups.size()) groups.emplace_back();
+      groups[count++].units.clear();
+    }
+    std::vector<int>& joined = groups[into].units;
+    for (const int unit : ends)
+      if (unit >= 0 && !has(joined, unit)) joined.push_back(unit);
+    for (std::size_t g = into + 1; g < count;) {
+      std::vector<int>& others = groups[g].units;
+      if (!has(others, ends[0]) && !has(others, ends[1])) {
+        ++g;
+        continue;
+      }
+      for (const int unit : others)
+        if (!has(joined, unit)) joined.push_back(unit);
+      std::swap(others, groups[--count].units);
+    }
+  }
+  groups.resize(count);
+  for (ClosureGroup& group : groups) std::sort(group.units.begin(), group.units.end());
+}
+
+// Places in the stacked velocities, unit by unit; the units of a group of closures stand together, at the first.
+void PlaceUnits(const Detection& detection, ConstraintRows& rows) {
+  int offset = 0;
+  const auto place_part = [&](PartRows& part) {
+    part.offset = offset;
+    part.size = static_cast<int>(6 * part.groups.size() + part.limits.size() + part.frictions.size());
+    offset += part.size + part.room;
+  };
+  const auto place_body = [&](std::size_t contactor) {
+    rows.port_offset[contactor] = offset;
+    offset += 6;
+  };
+  const int num_parts = NumParts(rows);
+  const auto place = [&](int unit) {
+    if (unit >= num_parts) return place_body(static_cast<std::size_t>(unit - num_parts));
+    std::size_t i = 0;
+    for (; unit >= static_cast<int>(rows.mechanisms[i].parts.size()); ++i)
+      unit -= static_cast<int>(rows.mechanisms[i].parts.size());
+    place_part(rows.mechanisms[i].parts[static_cast<std::size_t>(unit)]);
+  };
+  // Whether a unit has its place as one of a group.
+  const auto place_as_group = [&](int unit) {
+    for (ClosureGroup& group : rows.closure_groups) {
+      if (!std::binary_search(group.units.begin(), group.units.end(), unit)) continue;
+      if (unit != group.units.front()) return true;
+      group.begin = offset;
+      for (const int member : group.units) place(member);
+      group.end = offset;
+      return true;
+    }
+    return false;
+  };
+  int unit = 0;
+  for (MechanismRows& block : rows.mechanisms)
+    for (PartRows& part : block.parts)
+      if (!place_as_group(unit++)) place_part(part);
+  for (std::size_t c = 0; c < detection.contactors.size(); ++c)
+    if (detection.contactors[c].kind == Contactor::Kind::kFreeBody && rows.port_offset[c] >= 0 &&
+        !place_as_group(num_parts + static_cast<int>(c)))
+      place_body(c);
+}
+
 // Wrenches side by side; what is left to one thread are sums, in the order of contacts.
 void GatherPushes(const Detection& detection, ConstraintRows& rows) {
   rows.pushes.resize(detection.points.size());
@@ -139,13 +234,19 @@ void GatherPushes(const Detection& detection, ConstraintRows& rows) {
 
 // Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every part
 // and, in rows.velocities, the twists at the start of the step.
-void LayOutPorts(const Bodies& bodies, const Detection& detection, const PortOptions& options,
+void LayOutPorts(const Bodies& bodies, const Detection& detection,
+                 const std::vector<SwitchedClosure>& closures, const PortOptions& options,
                  std::vector<StopHistory>& stops, ConstraintRows& rows) {
   std::fill(rows.port_offset.begin(), rows.port_offset.end(), -1);
+  const auto takes_part = [&](int side) {
+    if (detection.contactors[static_cast<std::size_t>(side)].kind != Contactor::Kind::kWorld)
+      rows.port_offset[static_cast<std::size_t>(side)] = 0;
+  };
   for (const ContactPoint& p : detection.points)
-    for (int side : {p.body_a, p.body_b})
-      if (detection.contactors[static_cast<std::size_t>(side)].kind != Contactor::Kind::kWorld)
-        rows.port_offset[static_cast<std::size_t>(side)] = 0;
+    for (const int side : {p.body_a, p.body_b}) takes_part(side);
+  for (const SwitchedClosure& closure : closures)
+    if (closure.acts)
+      for (const int side : {closure.a, closure.b}) takes_part(side);
 
   bodies.ForMechanisms(
       [&](std::size_t i) { LayOutLimits(bodies.mechanisms[i], options, stops[i], rows.mechanisms[i]); });
@@ -160,13 +261,8 @@ void LayOutPorts(const Bodies& bodies, const Detection& detection, const PortOpt
     rows.port_offset[c] = 6 * static_cast<int>(groups.size());
     groups.push_back(detection.contactors[c].group);
   }
-  int offset = 0;
-  for (MechanismRows& block : rows.mechanisms)
-    for (PartRows& part : block.parts) {
-      part.offset = offset;
-      part.size = static_cast<int>(6 * part.groups.size() + part.limits.size() + part.frictions.size());
-      offset += part.size + part.room;
-    }
+  FindClosureGroups(detection, closures, rows);
+  PlaceUnits(detection, rows);
   bodies.ForMechanisms(
       [&](std::size_t i) { FillRows(bodies.mechanisms[i], options, rows.mechanisms[i], rows); });
   for (std::size_t c = 0; c < detection.contactors.size(); ++c) {
@@ -175,10 +271,8 @@ void LayOutPorts(const Bodies& bodies, const Detection& detection, const PortOpt
     if (detection.contactors[c].kind == Contactor::Kind::kGroup) {
       rows.port_offset[c] += rows.mechanisms[i].parts[static_cast<std::size_t>(rows.port_part[c])].offset;
     } else {
-      rows.port_offset[c] = offset;
-      rows.velocities.segment<6>(offset) = bodies.free_bodies[i].PortTwist();
-      rows.start_velocities.segment<6>(offset) = bodies.free_bodies[i].StartPortTwist();
-      offset += 6;
+      rows.velocities.segment<6>(rows.port_offset[c]) = bodies.free_bodies[i].PortTwist();
+      rows.start_velocities.segment<6>(rows.port_offset[c]) = bodies.free_bodies[i].StartPortTwist();
     }
   }
 }
@@ -256,13 +350,15 @@ Matrix36 PortRows(const Detection& detection, const ConstraintRows& rows, int co
   return J;
 }
 
-void ApplyImpulses(const Detection& detection, bool of_bounded_forces, Bodies& bodies,
-                   std::vector<StopHistory>& stops, ConstraintRows& rows) {
+void ApplyImpulses(const Detection& detection, const std::vector<SwitchedClosure>& closures,
+                   bool of_bounded_forces, Bodies& bodies, std::vector<StopHistory>& stops,
+                   ConstraintRows& rows) {
   bodies.ForMechanisms([&](std::size_t i) {
     MechanismRows& block = rows.mechanisms[i];
     for (PartRows& part : block.parts) part.impulse.head(part.size).setZero();
   });
   GatherPushes(detection, rows);
+  GatherClosureImpulses(closures, detection, rows);
   if (of_bounded_forces)
     for (std::size_t k = 0; k < rows.bounded_forces.size(); ++k) {
       const ConstraintRows::BoundedForce& force = rows.bounded_forces[k];

@@ -4,6 +4,7 @@
 #include "bodies.hpp"
 #include "detection.hpp"
 #include "rows.hpp"
+#include "switched_closures.hpp"
 
 namespace fork1s {
 
@@ -15,7 +16,8 @@ struct PortOptions {
 };
 /// The ports that contact points touch, the stops within reach and all dry friction get their places; Jᵀ of
 /// every part, and the velocities at hand.
-void LayOutPorts(const Bodies& bodies, const Detection& detection, const PortOptions& options,
+void LayOutPorts(const Bodies& bodies, const Detection& detection,
+                 const std::vector<SwitchedClosure>& closures, const PortOptions& options,
                  std::vector<StopHistory>& stops, ConstraintRows& rows);
 /// By the factors at hand: Y of every part, the velocities before contact, and the blocks of the solve.
 void AssembleOperators(const Bodies& bodies, const Detection& detection, ConstraintRows& rows);
@@ -26,8 +28,9 @@ Matrix36 PortRows(const Detection& detection, const ConstraintRows& rows, int co
                   const Matrix3& frame);
 /// Impulses of the solve on mechanisms and free bodies; stops and dry friction keep theirs.
 /// `of_bounded_forces`: those too.
-void ApplyImpulses(const Detection& detection, bool of_bounded_forces, Bodies& bodies,
-                   std::vector<StopHistory>& stops, ConstraintRows& rows);
+void ApplyImpulses(const Detection& detection, const std::vector<SwitchedClosure>& closures,
+                   bool of_bounded_forces, Bodies& bodies, std::vector<StopHistory>& stops,
+                   ConstraintRows& rows);
 
 /// act(i) for every contact, side by side where they are many.
 template <class Act>

@@ -1,6 +1,7 @@
 // The rows of the contact solve: contacts, stops, dry friction and forces with bounds, and what they move.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "stops.hpp"
@@ -32,6 +33,31 @@ struct MechanismRows {
   VectorX impulse;              // num_velocities: Jᵀ times the impulses of all parts
 };
 
+/// Rows of a switched closure that acts (switched_closures.hpp): turns, then displacements, of b less those of a.
+struct SwitchedRows {
+  int closure = 0;
+  int group = 0;                                         // of ConstraintRows::closure_groups
+  int port_a = -1, port_b = -1;                          // as of ContactConstraint
+  Matrix6 J_a = Matrix6::Zero(), J_b = Matrix6::Zero();  // rows of directions that it leaves free are 0
+  Vector6 rate = Vector6::Zero();                        // rad/s, m/s: J v
+  Vector6 impulse = Vector6::Zero();                     // N m s, N s, on b
+  Matrix3 axes_W = Matrix3::Identity();                  // of these
+  Vector3 point_W = Vector3::Zero();
+};
+
+/// Blocks of velocities that switched closures join, from `begin` to `end` of the stacked ones, and their elimination.
+struct ClosureGroup {
+  int begin = 0, end = 0;
+  std::vector<int> units;                   // of LayOutPorts
+  MatrixX Y;                                // of all blocks; then of what the closures leave free
+  std::vector<std::pair<int, int>> places;  // closure and its row, per column of G
+  VectorX unit;                             // factor of each column
+  MatrixX Q, R, C;                          // G = Q R by columns `pivots`; C = Qᵀ Y
+  std::vector<int> pivots;
+  VectorX r, y;  // J v* less what is asked for, in units of the columns; -R⁻ᵀ r
+  VectorX p, lambda, scratch;
+};
+
 /// Of the contact solve at hand.
 struct ConstraintRows {
   // Places in the stacked velocities, per contactor.
@@ -51,6 +77,9 @@ struct ConstraintRows {
   std::vector<double> pulls;  // N s, of adhesion, per contact point against its normal on b; empty: none acts
   VectorX pull_impulse, pull_scratch;
   double PullOf(std::size_t contact) const { return pulls.empty() ? 0 : pulls[contact]; }
+
+  std::vector<SwitchedRows> closures;
+  std::vector<ClosureGroup> closure_groups;
 
   // Forces with bounds that are rows, whose `limits` stand last, in this order.
   struct BoundedForce {

@@ -19,6 +19,7 @@ void World::Detail::Save(WorldState& out) const {
   out.contacts = contacts_;
   out.contacts_h = contacts_h_;
   out.contactor_poses = detection_.poses;
+  out.switched_closures = closure_records_;
 }
 
 void World::Detail::Restore(const WorldState& state) {
@@ -38,6 +39,7 @@ void World::Detail::RestoreContacts(const WorldState& state) {
   contacts_ = state.contacts;
   contacts_h_ = state.contacts_h;
   detection_.poses = state.contactor_poses;
+  closure_records_ = state.switched_closures;
 }
 
 void World::Save(WorldState& out) const { detail_->Save(out); }
@@ -55,8 +57,10 @@ Expected<void> World::CanRestore(const WorldState& state) const {
   const auto& mechanisms = detail_->bodies_.mechanisms;
   if (state.mechanisms.size() != mechanisms.size() || state.rows.size() != mechanisms.size() ||
       state.free_bodies.size() != detail_->bodies_.free_bodies.size() ||
-      state.contactor_poses.size() != detail_->detection_.poses.size())
-    return fail("has another number of mechanisms, free bodies or touching bodies than this world");
+      state.contactor_poses.size() != detail_->detection_.poses.size() ||
+      state.switched_closures.size() != detail_->closures_.size())
+    return fail(
+        "has another number of mechanisms, free bodies, touching bodies or switched closures than this world");
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
     const Mechanism& here = mechanisms[i].mechanism();
     const MechanismState& then = state.mechanisms[i];

@@ -36,14 +36,20 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   if (halving_.depth == 0) {
     approaches_.SetSpeeds(options);
     halving_.foreseen = {};
-    sums_.Clear(bodies_.mechanisms.size());
+    sums_.Clear(bodies_.mechanisms.size(), closures_.size());
   }
+  StartSwitchedClosures(bodies_, detection_, h, closures_);
   halving_.levels[static_cast<std::size_t>(halving_.depth)].sums = sums_;
   RecordStops(bodies_, stage_, approaches_.impact_speed, stops_);
   history_.StartStep();
   // Of backward Euler those of the last step, which were found where it ended.
   if (halving_.depth == 0 && stage_.is_backward_euler) start_points_ = detection_.points;
   if (!stage_.is_backward_euler) {
+    if (const SwitchedClosure* of =
+            FindClosureImpact(closures_, bodies_, detection_, approaches_.impact_speed)) {
+      report.halving_of = {StepSubject::Kind::kMechanism, static_cast<int>(of->mechanism), -1};
+      return HalveOrUndo(options, HalvingCause::kImpact, report);
+    }
     // The first part of a step that was halved starts with what the whole foresaw.
     if (!(halving_.foreseen.time < h)) {
       PrepareContacts(options, report);
@@ -95,6 +101,7 @@ StepReport World::Detail::FinishStep(const StepOptions& options, WorldState& sta
     stops_[i].impulses = sums_.rows[i].limit_impulses;
     stops_[i].friction_impulses = sums_.rows[i].friction_impulses;
   }
+  RecordClosures(closures_, bodies_, detection_, sums_.closures, closure_records_);
   contacts_h_ = options.h;
   report.contacts = static_cast<int>(
       std::count_if(contacts_.begin(), contacts_.end(), [](const auto& c) { return c.impulse(0) > 0; }));
@@ -160,6 +167,11 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       const PartClock clock(times_, &StepPartTimes::free_velocities);
       bodies_.ForMechanisms([&](std::size_t i) { SolveFreeStage(bodies_.mechanisms[i], stage.h); });
       detection_.FindTouched(bodies_.free_bodies.size());
+      for (const SwitchedClosure& closure : closures_)
+        for (const int side : {closure.a, closure.b})
+          if (const Contactor& c = detection_.contactors[static_cast<std::size_t>(side)];
+              closure.acts && c.kind == Contactor::Kind::kFreeBody)
+            detection_.touched[static_cast<std::size_t>(c.index)] = 1;
       for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
         bodies_.free_bodies[i].PredictStage(stage.h, detection_.touched[i] != 0);
     }
@@ -263,6 +275,7 @@ void World::Detail::SumImpulses(double weight) {
   summation_.Add(weight, contacts_, history_.match, history_.contacts, sums_);
   for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
     sums_.AddRows(weight, i, stops_[i].impulses, stops_[i].friction_impulses);
+  SumClosureImpulses(weight, rows_, sums_.closures);
 }
 
 // Contacts of a stage that was solved: what the next one starts from, and their share of the impulses of the step.

@@ -100,7 +100,9 @@ class Hash {
 }  // namespace
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
-  const auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction, rows] = state;
+  // Records of switched closures are for reports: no step starts from them.
+  const auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction, rows,
+               switched_closures] = state;
   Hash hash;
   hash.Add(mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction[0], contraction[1],
            rows, inputs);

@@ -14,22 +14,25 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
       switches_.free_velocity[i] = bodies_.free_bodies[i].velocity();
   bool starts = true;
   do {
-    if (detection_.points.empty() && rows_.limits.empty()) continue;
+    if (detection_.points.empty() && rows_.limits.empty() && rows_.closures.empty()) continue;
     AssembleOperators(bodies_, detection_, rows_);
     ApplyPulls(rows_);
+    EliminateClosures(rows_);
     if (starts) Rebound(detection_, approaches_, options.h, rows_);
     starts = false;
     report.solver =
         solver_.Solve(rows_.blocks, rows_.contacts, rows_.limits, rows_.velocities, options.contact);
-    ApplyImpulses(detection_, true, bodies_, stops_, rows_);
+    ComputeClosureImpulses(rows_);
+    ApplyImpulses(detection_, closures_, true, bodies_, stops_, rows_);
   } while (switches_.any && UpdateSwitches(options));
   if (rows_.bounded_forces.empty()) return;
   // The same step again with these forces where they belong: to rounding it is the same velocity, and the
   // rest of the step knows of no such rows.
   SetSidesFound(options.h, bodies_, rows_);
   PredictAllAgain(options.h);
-  if (!detection_.points.empty() || rows_.limits.size() > rows_.bounded_forces.size())
-    ApplyImpulses(detection_, false, bodies_, stops_, rows_);
+  if (!detection_.points.empty() || !rows_.closures.empty() ||
+      rows_.limits.size() > rows_.bounded_forces.size())
+    ApplyImpulses(detection_, closures_, false, bodies_, stops_, rows_);
 }
 
 bool World::Detail::UpdateSwitches(const StepOptions& options) {
@@ -56,11 +59,13 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
   }
   const PartClock clock(times_, &StepPartTimes::rows);
   const bool with_start_velocities = stage_.within && (stage_.is_backward_euler || stage_.rows_from_start);
-  LayOutPorts(bodies_, detection_, {options.h, stage_.all_stops, with_start_velocities}, stops_, rows_);
+  LayOutPorts(bodies_, detection_, closures_, {options.h, stage_.all_stops, with_start_velocities}, stops_,
+              rows_);
   history_.Match(detection_);
   FindPortFrames(bodies_, detection_, rows_);
   AssembleContacts(stage_, options, history_, detection_, approaches_, rows_);
   AssemblePulls(adhesions_, bodies_, detection_, history_, options.h, options.material.depth, rows_);
+  AssembleClosures(closures_, bodies_, detection_, rows_);
   AssembleStops(bodies_, stage_, options, stops_, approaches_, rows_);
   return true;
 }

@@ -45,6 +45,16 @@ AdhesionDef& AddAdhesion(MechanismDef& def) {
   return def.adhesions.back();
 }
 
+SwitchedClosureDef& AddSwitched(MechanismDef& def) {
+  SwitchedClosureDef closure;
+  closure.name = "latch";
+  closure.body_a = "lower";
+  closure.body_b = "world";
+  closure.control = def.controls[0].name;
+  def.switched_closures.push_back(closure);
+  return def.switched_closures.back();
+}
+
 // base - upper (hinge "shoulder") - lower (ball "elbow"), base - rod (slide "rail"), with one of everything.
 MechanismDef Good() {
   MechanismBuilder builder("machine");
@@ -298,6 +308,19 @@ std::vector<Fault> ConnectionFaults() {
        "gain that is not finite"},
       {"adhesion of reversed bounds", [](auto& d) { AddAdhesion(d).lower = 1, d.adhesions[0].upper = 0; },
        "adhesion 'cup'", "bounds 1 to 0 N"},
+      {"switched closure of no body", [](auto& d) { AddSwitched(d).body_a = "hand"; },
+       "switched closure 'latch'", "body 'hand'"},
+      {"switched closure without a control", [](auto& d) { AddSwitched(d).control = "key"; },
+       "switched closure 'latch'", "control 'key', which is not there"},
+      {"switched closure without a time", [](auto& d) { AddSwitched(d).time_constant = 0; },
+       "switched closure 'latch'", "time constant of 0 s"},
+      {"switched closure of a frame that is no number",
+       [](auto& d) { AddSwitched(d).X_AJ.translation().x() = kNaN; }, "switched closure 'latch'",
+       "not finite"},
+      {"switched closure of one rotation", [](auto& d) { AddSwitched(d).rigid[0] = false; },
+       "switched closure 'latch'", "some rotations alone"},
+      {"switched closure of nothing", [](auto& d) { AddSwitched(d).rigid.setConstant(false); },
+       "switched closure 'latch'", "holds no direction"},
       {"muscle of nothing", [](auto& d) { AddMuscle(d).terms[0].first.joint = JointIndex(3); },
        "muscle 'flexor'", "does not exist"},
       {"unknown interface", [](auto& d) { d.interfaces.push_back("tail"); }, "interface 'tail'", "machine"},

@@ -112,10 +112,15 @@ class BitList {
   void Add(const AdhesionDef& a) {
     Add(a.name), Add(a.body), Add(a.control), Add(a.gain), Add(a.lower), Add(a.upper);
   }
+  void Add(const SwitchedClosureDef& s) {
+    Add(s.name), Add(s.body_a), Add(s.body_b), Add(s.X_AJ), Add(s.X_BJ), Add(s.control), Add(s.time_constant);
+    for (int k = 0; k < 6; ++k) Add(static_cast<int>(s.rigid[k]));
+  }
   void Add(const MechanismDef& m) {
     Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
     Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.muscles), Add(m.adhesions),
-        Add(m.interfaces), Add(m.interfaces_chosen), Add(m.modes), Add(static_cast<int>(m.parent_filter));
+        Add(m.switched_closures), Add(m.interfaces), Add(m.interfaces_chosen), Add(m.modes),
+        Add(static_cast<int>(m.parent_filter));
   }
   void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
   void Add(const KeyframeDef::MechanismState& s) {

@@ -116,7 +116,11 @@ TEST(SimulationBytes, DamagedBytesAreRefused) {
   for (std::size_t at = 0; at < whole.size(); at += 1 + whole.size() / 97) {
     std::string damaged = whole;
     damaged[at] = static_cast<char>(damaged[at] ^ 0x55);
-    EXPECT_FALSE(ReadSnapshotBytes(damaged, "bytes")) << at;
+    // A changed distance in the compressed bytes may copy the same ones from another place: then nothing is damaged.
+    const auto read = ReadSnapshotBytes(damaged, "bytes");
+    if (read) {
+      EXPECT_EQ(WriteSnapshotBytes(*read), whole) << at;
+    }
   }
   // Bytes of something else.
   EXPECT_FALSE(ReadSimulationBytes(whole, "bytes"));

@@ -305,6 +305,21 @@ struct AdhesionDef {
   double upper = std::numeric_limits<double>::infinity();   // N
 };
 
+/// A closure that a control switches while a simulation runs. Where the control is above 1/2, frame J of a body of this
+/// mechanism and frame J of another body of the scene are held together, exactly, however large the force. How far they
+/// are apart when it is switched on falls by exp(-t / time_constant).
+struct SwitchedClosureDef {
+  std::string name;
+  std::string body_a;   // of this mechanism
+  std::string body_b;   // of any mechanism, a free body, or "world"
+  RigidTransform X_AJ;  // frame on body a
+  RigidTransform X_BJ;  // frame on body b
+  /// Directions held, in the axes of J on body a, as of ClosureDef; of rotations all, all but that about z, or none.
+  Eigen::Matrix<bool, 6, 1> rigid = Eigen::Matrix<bool, 6, 1>::Constant(true);
+  std::string control;          // name
+  double time_constant = 0.02;  // s
+};
+
 enum class BaseKind {
   kFixed,     ///< still at X_WR
   kFloating,  ///< moves freely, gravity acts on it
@@ -341,6 +356,7 @@ struct MechanismDef {
   std::vector<ForceLimitDef> force_limits;
   std::vector<MuscleDef> muscles;
   std::vector<AdhesionDef> adhesions;
+  std::vector<SwitchedClosureDef> switched_closures;
   std::vector<std::string> interfaces;  // names of the bodies that touch the world
   bool interfaces_chosen = true;        // false: picked by the importer, not named by the user
   int modes = 4;                        // fixed-interface modes to keep

@@ -155,6 +155,8 @@ class World {
   /// contacts() lie where its last stage ends.
   const std::vector<ContactPoint>& start_points() const;
   const std::vector<Contactor>& contactors() const;
+  /// One per SwitchedClosureDef, by mechanism and in the order of its definition.
+  const std::vector<SwitchedClosureRecord>& switched_closures() const;
   /// Pairs of contactors() that the collision detector tests, the smaller index first, sorted.
   std::vector<std::pair<int, int>> PairsThatMayTouch() const;
   /// Pose of a collision body when contacts() were found: at the start of the last step.

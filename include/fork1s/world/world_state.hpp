@@ -32,6 +32,14 @@ struct ContactRecord {
 /// What moves body b, in world axes [N·s]: contact and adhesion.
 inline Vector3 NetImpulse(const ContactRecord& c) { return c.point.frame.transpose() * (c.impulse + c.pull); }
 
+/// What a SwitchedClosureDef did in the last step.
+struct SwitchedClosureRecord {
+  bool acts = false;
+  Vector3 point_W = Vector3::Zero();    // m: the origin of frame J on body b where the step ends
+  Vector3 impulse_W = Vector3::Zero();  // N·s, on body b
+  Vector3 moment_W = Vector3::Zero();   // N·m·s, on body b about that point
+};
+
 /// All that the next step of a world depends on beside what it was made of. For worlds made of the same scene
 /// with the same options.
 struct WorldState {
@@ -49,6 +57,7 @@ struct WorldState {
     bool refreshed = false;  // at the end of the last step
   };
   std::vector<Rows> rows;
+  std::vector<SwitchedClosureRecord> switched_closures;  // for reports: no step starts from them
 };
 
 /// 64 bits over those of every field, sizes included; of a reduced model over the pose that it is about.

@@ -1,0 +1,112 @@
+// Welds and connects that are off in the file: a control of their name switches them while a simulation runs.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "conversion.hpp"
+
+namespace fork1s::internal {
+namespace {
+
+// The time constant [s] of MuJoCo's spring and damper of an equality: solref, or by stiffness and damping with b = 2/T.
+double TimeConstant(const mjModel& m, int e) {
+  const mjtNum* solref = m.eq_solref + mjNREF * e;
+  const double T = solref[0] > 0 ? solref[0] : solref[1] < 0 ? -2 / solref[1] : 0;
+  mjtNum usual[mjNREF], solimp[mjNIMP];
+  mj_defaultSolRefImp(usual, solimp);
+  return T > 0 ? T : usual[0];
+}
+
+// The body that the joints nearest to it move; those with the same one are rigid with each other.
+std::size_t RigidRoot(const MechanismDef& mechanism, BodyIndex body) {
+  const auto has_joint = [&](BodyIndex b) {
+    return std::any_of(mechanism.joints.begin(), mechanism.joints.end(),
+                       [&](const JointDef& joint) { return joint.body.u() == b.u(); });
+  };
+  while (!has_joint(body) && mechanism.bodies[body.u()].parent.valid())
+    body = mechanism.bodies[body.u()].parent;
+  return body.u();
+}
+
+// The name of the equality, which actuators may have as well.
+std::string FreeName(const Conversion& c, const std::string& name) {
+  std::string free = name;
+  const auto is_taken = [&] {
+    return std::any_of(c.scene.mechanisms.begin(), c.scene.mechanisms.end(), [&](const MechanismDef& m) {
+      return std::any_of(m.controls.begin(), m.controls.end(),
+                         [&](const ControlDef& control) { return control.name == free; });
+    });
+  };
+  while (is_taken()) free += "_equality";
+  return free;
+}
+
+void ConvertSwitched(Conversion& c, int e) {
+  const mjModel& m = c.m;
+  const std::string name = m.names + m.name_eqadr[e], where = fmt::format("equality '{}'", name);
+  int a = PlaceOfEquality(m, e, 0).body, b = PlaceOfEquality(m, e, 1).body;
+  EqualityFrames frames = FramesOfEquality(c, e);
+  if (c.body[a].mechanism < 0) {
+    std::swap(a, b);
+    std::swap(frames.X_AJ, frames.X_BJ);
+  }
+  const BodyPlace &on_a = c.body[a], &on_b = c.body[b];
+  const auto is_rigid_with_a = [&] {
+    const MechanismDef& mechanism = c.scene.mechanisms[static_cast<std::size_t>(on_a.mechanism)];
+    const std::size_t root = RigidRoot(mechanism, on_a.body);
+    if (on_b.mechanism == on_a.mechanism) return RigidRoot(mechanism, on_b.body) == root;
+    return on_b.still() && root == 0 && mechanism.base == BaseKind::kFixed;
+  };
+  if (on_a.mechanism < 0 || !MovesRelative(m, a, b) || is_rigid_with_a()) {
+    c.Dropped(where, "joins bodies that do not move relative to each other");
+    return;
+  }
+  MechanismDef& mechanism = c.scene.mechanisms[static_cast<std::size_t>(on_a.mechanism)];
+  SwitchedClosureDef closure;
+  closure.name = name;
+  closure.body_a = SceneName(c, a);
+  closure.body_b = SceneName(c, b);
+  closure.X_AJ = frames.X_AJ;
+  closure.X_BJ = on_b.still() ? c.WorldPose(b) * frames.X_BJ : frames.X_BJ;
+  closure.rigid = frames.rigid;
+  closure.time_constant = TimeConstant(m, e);
+  ControlDef control;
+  control.name = closure.control = FreeName(c, name);
+  control.lower = 0;
+  control.upper = 1;
+  if (control.name != name)
+    c.Note(ImportNote::Kind::kChanged, where,
+           fmt::format("an actuator has its name, so the control that switches it is '{}'", control.name));
+  mechanism.controls.push_back(std::move(control));
+  c.controls[static_cast<std::size_t>(on_a.mechanism)].emplace_back();
+  mechanism.switched_closures.push_back(std::move(closure));
+}
+
+}  // namespace
+
+void ConvertSwitchedEqualities(Conversion& c) {
+  for (int e = 0; e < c.m.neq; ++e)
+    if (c.IsSwitchable(e)) ConvertSwitched(c, e);
+}
+
+void AddSwitchedInterfaces(Conversion& c) {
+  for (const MechanismDef& of : c.scene.mechanisms)
+    for (const SwitchedClosureDef& closure : of.switched_closures)
+      for (const std::string& name : {closure.body_a, closure.body_b})
+        for (MechanismDef& mechanism : c.scene.mechanisms) {
+          const BodyIndex body = mechanism.FindBody(name);
+          if (!body.valid()) continue;
+          const std::size_t root = RigidRoot(mechanism, body);
+          if (root == 0) continue;  // the base always takes part
+          if (std::any_of(mechanism.interfaces.begin(), mechanism.interfaces.end(),
+                          [&](const std::string& other) {
+                            return RigidRoot(mechanism, mechanism.FindBody(other)) == root;
+                          }))
+            continue;
+          mechanism.interfaces.push_back(name);
+          c.Note(ImportNote::Kind::kChosen, fmt::format("body '{}'", name),
+                 fmt::format("equality '{}' may hold it, so it is an interface body as well", closure.name));
+        }
+}
+
+}  // namespace fork1s::internal
