@@ -49,8 +49,10 @@ Json AccuracyJson(const std::string& asked, const AccuracyChoice& choice) {
   }
   double wall = 0;
   for (const AccuracyTrial& t : choice.trials) wall += t.wall;
+  const char* const kEnds[] = {"met", "trials", "smallest_step"};
   return Json{{"asked", asked},
-              {"met", choice.met},
+              {"met", choice.met()},
+              {"ended_by", kEnds[static_cast<int>(choice.end)]},
               {"wall_s", wall},
               {"chosen", setting(choice.trials[choice.chosen])},
               {"trials", std::move(trials)}};
@@ -71,11 +73,16 @@ void PrintAccuracy(const Json& a) {
                                             apart.get<double>(), t["order"].get<double>()));
   }
   const Json& c = a["chosen"];
+  const std::string end = a["ended_by"].get<std::string>(),
+                    ended = end == "met"      ? "by"
+                            : end == "trials" ? fmt::format("not met in {} runs; best is", a["trials"].size())
+                                              : fmt::format("not met down to 1/{:.0f} of the step; best is",
+                                                            1 / kMinStepShare);
   PrintText(
       "  accuracy        {} {}: dt 1/{:.4g} s, {}, {} modes, refresh at {:.3g} degrees; {} runs, {:.2g} s\n",
-      a["asked"].get<std::string>(), a["met"].get<bool>() ? "by" : "not met; best is",
-      1 / c["dt_s"].get<double>(), c["integrator"].get<std::string>(), c["modes"].get<int>(),
-      c["refresh_angle_deg"].get<double>(), a["trials"].size(), a["wall_s"].get<double>());
+      a["asked"].get<std::string>(), ended, 1 / c["dt_s"].get<double>(), c["integrator"].get<std::string>(),
+      c["modes"].get<int>(), c["refresh_angle_deg"].get<double>(), a["trials"].size(),
+      a["wall_s"].get<double>());
 }
 
 }  // namespace fork1s::app

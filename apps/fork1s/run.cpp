@@ -197,7 +197,7 @@ int Run(const RunArguments& given) {
   summary["notes"] = NotesJson(imported->report);
   if (choice) {
     summary["accuracy"] = AccuracyJson(args.accuracy, *choice);
-    if (!choice->met)
+    if (!choice->met())
       summary["warnings"].push_back(
           fmt::format("--accuracy {} was not met by any of {} settings that were tried", args.accuracy,
                       choice->trials.size()));

@@ -131,20 +131,26 @@ void ContactPatch::AddAlongLines(const SupportFace& a, const SupportFace& b, dou
   if (!AreNearlyParallel(along_a, along_b)) return;
   const double radius_a = a.to_axis.norm(), radii = radius_a + b.to_axis.norm(),
                near = kNearEnd * std::min(along_a.norm(), along_b.norm());
+  const auto replace_near = [&](const PatchPoint& by) {
+    const auto is_near = [&](const PatchPoint& p) {
+      return (p.point - by.point).squaredNorm() < near * near;
+    };
+    count_ = static_cast<int>(std::remove_if(points_.begin(), points_.begin() + count_, is_near) -
+                              points_.begin());
+    // Where the deepest point is the end, it has the normal of a rim.
+    Add(deepest_ && is_near(*deepest_) ? *deepest_ : by);
+  };
   const auto add = [&](const Vector3& on_a, const Vector3& on_b) {
     const double distance = (on_b - on_a).norm();
     double gap = distance - radii;
     const Vector3 normal = (on_b - on_a) / distance, point = on_a + (radius_a + 0.5 * gap) * normal;
-    const auto is_near = [&](const PatchPoint& p) { return (p.point - point).squaredNorm() < near * near; };
-    count_ = static_cast<int>(std::remove_if(points_.begin(), points_.begin() + count_, is_near) -
-                              points_.begin());
+    if (!(normal.dot(normal_) > kSameSide && gap < margin)) return;
     if (deepest_) {
-      if (is_near(*deepest_)) return Add(*deepest_);  // with the normal of a rim
-      if (gap < deepest_->gap - kAsDeep)
-        return;  // the flat end of a cylinder is nearer to the axis than its side
+      // The flat end of a cylinder is nearer to its axis than its side.
+      if (gap < deepest_->gap - kAsDeep) return;
       gap = std::max(gap, deepest_->gap);
     }
-    if (normal.dot(normal_) > kSameSide && gap < margin) Add({point, gap, normal});
+    replace_near({point, gap, normal});
   };
   // The end of an axis, and the point beside it of another.
   const auto beside = [](const Vector3& end, const Vector3& along, const Vector3& start,

@@ -83,17 +83,20 @@ Expected<AccuracyChoice> ChooseForAccuracy(
       SetHalfStep(choice.trials[now], choice.trials[*before]);
       if (wanted.Met(choice.trials[*before])) {
         choice.chosen = *before;
-        choice.met = true;
         return choice;
       }
     }
     choice.chosen = Best(choice.trials);
-    if (wanted.Met(choice.trials[now])) {  // if half the step bears it out
-      if (choice.trials.size() > kMaxAccuracyTrials) return choice;
+    const bool awaits_half = wanted.Met(choice.trials[now]);  // whether half the step bears it out
+    if (choice.trials.size() >= kMaxAccuracyTrials + (awaits_half ? 1 : 0)) {
+      choice.end = AccuracyChoice::End::kTrials;
+      return choice;
+    }
+    if (awaits_half) {
       next = choice.trials[now].setting;
       next.dt /= 2;
-    } else if (choice.trials.size() >= kMaxAccuracyTrials ||
-               !Improve(choice.trials[now], first.dt, may_change_integrator, next)) {
+    } else if (!Improve(choice.trials[now], first.dt, may_change_integrator, next)) {
+      choice.end = AccuracyChoice::End::kSmallestStep;
       return choice;
     }
   }

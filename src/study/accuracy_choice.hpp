@@ -56,7 +56,9 @@ struct WantedAccuracy {
 struct AccuracyChoice {
   std::vector<AccuracyTrial> trials;
   std::size_t chosen = 0;  // of trials: the first that is good enough, else the best
-  bool met = false;
+  enum class End { kMet, kTrials, kSmallestStep };
+  End end = End::kMet;  // what ended the search: a good one, kMaxAccuracyTrials, or kMinStepShare
+  bool met() const { return end == End::kMet; }
 };
 /// Tries settings, from `first` on, each time changing what the largest part of the estimated error asks for. A setting
 /// is met where its estimate is within what is wanted and a run by half its step stays as near: where contacts, stops

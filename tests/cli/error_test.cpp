@@ -47,6 +47,7 @@ TEST(ErrorEstimate, ChoosesWhatAnAccuracyAsksFor) {
   const auto json = Fork1s("run --json --accuracy 0.2mm --time 0.5 " + model).Json();
   const auto accuracy = json["accuracy"];
   ASSERT_TRUE(accuracy["met"].get<bool>()) << accuracy.dump();
+  EXPECT_EQ(accuracy["ended_by"], "met");
   // At 1/60 s the tip is 0.57 mm off; by half the step chosen it is as near.
   EXPECT_GT(accuracy["trials"].size(), 2u);
   EXPECT_EQ(accuracy["trials"][accuracy["trials"].size() - 2]["dt_s"], json["dt_s"]);
@@ -57,6 +58,8 @@ TEST(ErrorEstimate, ChoosesWhatAnAccuracyAsksFor) {
   };
   EXPECT_LE(std::hypot(tip(json, 0) - tip(truth, 0), tip(json, 2) - tip(truth, 2)), 0.2);
   EXPECT_EQ(json["dt_s"], accuracy["chosen"]["dt_s"]);
+  const std::string never = Fork1s("run --accuracy 1e-9mm --time 0.1 " + model).out;
+  EXPECT_NE(never.find("not met down to 1/64 of the step; best is"), std::string::npos) << never;
   for (const char* wrong : {"0.5", "0mm", "-1%", "mm", "1in"})
     EXPECT_NE(Fork1s(fmt::format("run --accuracy={} {}", wrong, model)).code, 0) << wrong;
 }

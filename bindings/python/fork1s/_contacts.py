@@ -12,6 +12,7 @@ CONTACT = np.dtype(
         ("gap", np.float64),  # m, negative in penetration
         ("friction", np.float64),  # coefficient µ
         ("friction_use", np.float64),  # |f_t| / (µ f_n) of the force: 1 where it slides, 0 without friction
+        ("pull", np.float64, (3,)),  # N, of adhesion on b: `force` is the compression by it and all else
     ]
 )
 """numpy type of one row of `Simulation.contacts`, world axes."""

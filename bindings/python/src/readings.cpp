@@ -5,7 +5,7 @@
 namespace fork1s::python {
 namespace {
 
-static_assert(sizeof(ContactRow) == 8 + 15 * sizeof(double));
+static_assert(sizeof(ContactRow) == 8 + 18 * sizeof(double));
 
 ContactRow Row(int a, int b, const Vector3& point, const Vector3& normal, const Vector3& force) {
   ContactRow row{};
@@ -62,6 +62,7 @@ std::vector<ContactRow> Contacts(const Simulation& simulation) {
     row.gap = c.gap;
     row.friction = c.friction;
     const double normal = c.force_W.dot(c.normal_W), limit = c.friction * normal;
+    Eigen::Map<Vector3>(row.pull) = c.pull_W;
     row.friction_use = limit > 0 ? (c.force_W - normal * c.normal_W).norm() / limit : 0;
   }
   return rows;

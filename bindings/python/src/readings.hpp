@@ -13,6 +13,7 @@ struct ContactRow {
   double point[3], normal[3], force[3], torque[3];  // world axes; m, N, N·m
   double gap, friction;                             // m
   double friction_use;
+  double pull[3];
 };
 
 /// (b, 7) position and quaternion.
