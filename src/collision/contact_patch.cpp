@@ -152,11 +152,13 @@ void ContactPatch::AddAlongLines(const SupportFace& a, const SupportFace& b, dou
     }
     replace_near({point, gap, normal});
   };
-  // The end of an axis, and the point beside it of another.
-  const auto beside = [](const Vector3& end, const Vector3& along, const Vector3& start,
-                         const Vector3& of_other) -> std::optional<Vector3> {
+  // The end of an axis, and the point beside it of another. Lines of one length that cross in the middle end a little before
+  // the planes across their ends.
+  const double beyond = kBesides + along_a.norm() * along_b.norm() / std::abs(along_a.dot(along_b)) - 1;
+  const auto beside = [beyond](const Vector3& end, const Vector3& along, const Vector3& start,
+                               const Vector3& of_other) -> std::optional<Vector3> {
     const double share = along.dot(end - start) / along.dot(of_other);
-    if (!(share > -kBesides && share < 1 + kBesides)) return {};
+    if (!(share > -beyond && share < 1 + beyond)) return {};
     return start + share * of_other;
   };
   for (const double side : {0.0, 1.0}) {

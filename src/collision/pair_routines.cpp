@@ -144,6 +144,14 @@ int WritePatch(ContactPatch& patch, int room, mjPreContact* contacts) {
   return count;
 }
 
+Deepest DeepestOf(const mjPreContact& contact) {
+  Deepest deepest;
+  deepest.gap = contact.dist;
+  deepest.normal = Eigen::Map<const Vector3>(contact.normal);
+  deepest.point = Eigen::Map<const Vector3>(contact.pos);
+  return deepest;
+}
+
 bool FindDeepest(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, double margin,
                  Deepest& deepest) {
   if (m->geom_type[a] == mjGEOM_BOX && m->geom_type[b] == mjGEOM_BOX) {
@@ -174,20 +182,25 @@ bool FindDeepest(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int
   }
   const OnePoint one(m);
   if (mujocos_convex(m, d, contacts, a, b, margin) == 0) return false;
-  deepest.gap = contacts[0].dist;
-  deepest.normal = Eigen::Map<const Vector3>(contacts[0].normal);
-  deepest.point = Eigen::Map<const Vector3>(contacts[0].pos);
+  deepest = DeepestOf(contacts[0]);
   return true;
 }
 
-int ConvexPair(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  Deepest deepest;
-  if (!FindDeepest(m, d, contacts, a, b, margin, deepest)) return 0;
+// The deepest point, and of several what else the faces and lines there may rest on.
+int WriteOverlap(const mjModel* m, const mjData* d, mjPreContact* contacts, int a, int b, double margin,
+                 const Deepest& deepest) {
   ContactPatch patch(deepest.normal);
   patch.SetDeepest(deepest.point, deepest.gap);
   if (!(m->opt.disableflags & mjDSBL_MULTICCD))
     patch.AddOverlap(FaceAlong(m, d, a, deepest.normal), FaceAlong(m, d, b, -deepest.normal), margin);
   return WritePatch(patch, mjMAXCONPAIR, contacts);
+}
+
+int ConvexPair(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
+  Deepest deepest;
+  return FindDeepest(m, d, contacts, a, b, margin, deepest)
+             ? WriteOverlap(m, d, contacts, a, b, margin, deepest)
+             : 0;
 }
 
 constexpr double kSameNormal =
@@ -199,14 +212,10 @@ constexpr double kSameNormal =
 int OnCapsule(const mjModel* m, const mjData* d, mjPreContact* contacts, int found, int a, int b,
               double margin) {
   if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
-  const mjPreContact nearest =
+  const mjPreContact& nearest =
       *std::min_element(contacts, contacts + found,
                         [](const mjPreContact& p, const mjPreContact& q) { return p.dist < q.dist; });
-  const Vector3 n = Eigen::Map<const Vector3>(nearest.normal);
-  ContactPatch patch(n);
-  patch.SetDeepest(Eigen::Map<const Vector3>(nearest.pos), nearest.dist);
-  patch.AddOverlap(FaceAlong(m, d, a, n), FaceAlong(m, d, b, -n), margin);
-  return WritePatch(patch, mjMAXCONPAIR, contacts);
+  return WriteOverlap(m, d, contacts, a, b, margin, DeepestOf(nearest));
 }
 int CapsuleOnBox(const mjModel* m, mjData* d, mjPreContact* contacts, int capsule, int box, mjtNum margin) {
   return OnCapsule(m, d, contacts, mujocos_capsule_box(m, d, contacts, capsule, box, margin), capsule, box,

@@ -214,6 +214,43 @@ TEST(Patch, LinesNearlyParallel_ApartByMicrometres_BearAtBothEnds) {
       }
 }
 
+// By the normal of the rim alone; one across the axis beside it asked for another motion of the same place.
+TEST(Patch, LinesNearlyParallel_DeepestAtAnEnd_HaveOnePointThere) {
+  constexpr double kHalf = 0.1, kRadius = 0.3, kCorner = 0.05;
+  const RigidTransform edge =
+      RigidTransform(ExpRotation(Vector3(0, 0, 3.14159265358979323846 / 4)), Vector3::Zero()) *
+      RigidTransform(Vector3(kCorner, kCorner, 0));
+  for (const Shape& shape : {Shape(Cylinder{kRadius, kHalf}), Shape(Capsule{kRadius, kHalf})})
+    for (const double angle : {0.0, 1e-3, 0.02, 0.05})
+      for (const double tilt : {1e-4, 1e-3, 5e-3}) {
+        SCOPED_TRACE(::testing::Message() << "crossed by " << angle << " tilted by " << tilt);
+        const Matrix3 crossed = ExpRotation(Vector3(0, angle, 0)) * ExpRotation(Vector3(tilt, 0, 0));
+        const RigidTransform X_line(crossed, Vector3(0, kRadius + 1e-3, 0));
+        const auto contacts =
+            Contacts({Moving(shape), Moving(Box{Vector3(kCorner, kCorner, 0.4)}, X_line * edge)}, {},
+                     {.margin = 5e-3});
+        ASSERT_FALSE(contacts.empty());
+        const auto deepest = std::min_element(contacts.begin(), contacts.end(),
+                                              [](const auto& c, const auto& d) { return c.gap < d.gap; });
+        if (std::abs(std::abs(deepest->point.z()) - kHalf) > 1e-3 * kHalf) continue;  // between the ends
+        EXPECT_EQ(std::count_if(contacts.begin(), contacts.end(),
+                                [&](const ContactPoint& c) {
+                                  return (c.point - deepest->point).norm() < 1e-3 * kHalf;
+                                }),
+                  1);
+      }
+}
+
+TEST(Patch, LinesThatCross_TouchInOnePoint) {
+  const auto count = [](double angle) {
+    const RigidTransform across(ExpRotation(Vector3(angle, 0, 0)), Vector3(0.1001, 0, 0));
+    return Contacts({Moving(Cylinder{0.05, 0.1}), Moving(Cylinder{0.05, 0.1}, across)}, {}, {.margin = 0.02})
+        .size();
+  };
+  EXPECT_EQ(count(0.0999), 3u);
+  EXPECT_EQ(count(0.1003), 1u);  // its sine is above 0.1
+}
+
 // A beam that lies across two bars. MuJoCo's routine for capsule and box named one edge of it, or none, by
 // the last digit of the pose, and the beam tipped over the other.
 TEST(Patch, ACapsuleThatStandsOutOfAFaceBearsAtItsEdges) {
