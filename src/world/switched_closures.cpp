@@ -87,8 +87,8 @@ int FactorWithPivoting(MatrixX& G, MatrixX& R, std::vector<int>& pivots) {
   return static_cast<int>(pivots.size());
 }
 
-// The blocks of a group side by side in its Y; they leave the list.
-void TakeBlocks(ClosureGroup& group, std::vector<VelocityBlock>& blocks) {
+// The blocks of a group one below the other in its Y; they leave the list.
+void StackBlocks(ClosureGroup& group, std::vector<VelocityBlock>& blocks) {
   const auto is_in = [&](const VelocityBlock& b) { return b.offset >= group.begin && b.offset < group.end; };
   Eigen::Index freedoms = 0;
   for (const VelocityBlock& b : blocks)
@@ -177,7 +177,7 @@ void AssembleClosures(const std::vector<SwitchedClosure>& closures, const Bodies
 void EliminateClosures(ConstraintRows& rows) {
   for (std::size_t at = 0; at < rows.closure_groups.size(); ++at) {
     ClosureGroup& group = rows.closure_groups[at];
-    TakeBlocks(group, rows.blocks);
+    StackBlocks(group, rows.blocks);
     group.places.clear();
     for (std::size_t c = 0; c < rows.closures.size(); ++c)
       if (rows.closures[c].group == static_cast<int>(at))

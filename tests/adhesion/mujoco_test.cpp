@@ -1,29 +1,8 @@
 // The same file in MuJoCo at a small step.
-#include <mujoco/mujoco.h>
-
-#include <unistd.h>
-#include <filesystem>
-#include <fstream>
-#include <memory>
-
 #include "support.hpp"
 
 namespace fork1s::adhesion_test {
 namespace {
-
-using ModelPtr = std::unique_ptr<mjModel, void (*)(mjModel*)>;
-
-// Null, and a failure, where MuJoCo does not read it.
-ModelPtr LoadInMujoco(const std::string& mjcf) {
-  const auto path =
-      std::filesystem::path(::testing::TempDir()) / fmt::format("fork1s_adhesion_{}.xml", getpid());
-  std::ofstream(path) << mjcf;
-  char error[500] = "";
-  ModelPtr model(mj_loadXML(path.c_str(), nullptr, error, sizeof error), mj_deleteModel);
-  std::filesystem::remove(path);
-  EXPECT_NE(model, nullptr) << error;
-  return model;
-}
 
 // A cup on a sprung arm of two hinges swings with a box, then lets it go. MuJoCo's contacts creep under a load across
 // them, the less so the shorter the step and the larger `impratio`.
@@ -48,7 +27,7 @@ struct Inputs {
 Inputs At(double t) { return {t < 0.3 ? -0.5 : 0.3, 0.4, t < 0.8 ? 1.0 : 0.0}; }
 
 TEST(Adhesion, ArmThatSwingsABoxAndLetsGo_MovesAsInMuJoCo) {
-  const ModelPtr model =
+  const MujocoModel model =
       LoadInMujoco(Arm("timestep='1e-4' impratio='100' cone='elliptic' integrator='implicitfast'"));
   ASSERT_NE(model, nullptr);
   const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);
@@ -80,7 +59,7 @@ TEST(Adhesion, ContactForceOfAHeldBox_IsThatOfMuJoCo) {
   Cup cup;
   cup.gain = 2.5 * cup.weight();
   cup.motors = fmt::format("<position name='servo' joint='slide' kp='{0}' kv='{1}'/>", 1e5, 2e3);
-  const ModelPtr model = LoadInMujoco(cup.Text("timestep='1e-3'"));
+  const MujocoModel model = LoadInMujoco(cup.Text("timestep='1e-3'"));
   ASSERT_NE(model, nullptr);
   const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);
   data->ctrl[1] = 1;

@@ -1,16 +1,19 @@
 // A cup over a box, of any size, turned in space.
 #pragma once
 
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <fork1s/importer/importer.hpp>
-#include <fork1s/sim/simulation.hpp>
-
 #include <array>
 #include <cmath>
+#include <mjcf_text.hpp>
 #include <string>
 
 namespace fork1s::adhesion_test {
+
+using testing::LoadInMujoco;
+using testing::MujocoModel;
+using testing::MustLoad;
+using testing::MustStart;
+using testing::Place;
+using testing::RunUntil;
 
 inline constexpr double kGravity = 9.81;  // m/s²
 
@@ -58,31 +61,6 @@ struct Cup {
         g.x(), g.y(), g.z(), options, box_first ? box : plate, box_first ? plate : box, more, motors, gain);
   }
 };
-
-inline ImportedScene MustLoad(const std::string& text) {
-  auto loaded = LoadMechanismFromString(text, "test.xml", {});
-  if (!loaded) throw std::runtime_error(loaded.error().Text());
-  return std::move(*loaded);
-}
-
-inline Simulation MustStart(const std::string& text, double dt) {
-  SimulationOptions options;
-  options.dt = dt;
-  auto simulation = Simulation::Create(MustLoad(text).scene, options);
-  if (!simulation) throw std::runtime_error(simulation.error().Text());
-  return std::move(*simulation);
-}
-
-inline Vector3 Place(const Simulation& simulation, const std::string& body) {
-  return simulation.Pose(body).translation();
-}
-
-inline void RunUntil(Simulation& simulation, double until) {
-  while (simulation.time() < until - 1e-9) {
-    const StepReport report = simulation.Step();
-    ASSERT_TRUE(report.finite && report.stages_converged) << simulation.time();
-  }
-}
 
 /// Of contacts, on body b along their normals, and of adhesion [N].
 struct Normal {

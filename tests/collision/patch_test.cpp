@@ -242,13 +242,17 @@ TEST(Patch, LinesNearlyParallel_DeepestAtAnEnd_HaveOnePointThere) {
 }
 
 TEST(Patch, LinesThatCross_TouchInOnePoint) {
-  const auto count = [](double angle) {
+  const auto count = [](double angle, double half) {
     const RigidTransform across(ExpRotation(Vector3(angle, 0, 0)), Vector3(0.1001, 0, 0));
-    return Contacts({Moving(Cylinder{0.05, 0.1}), Moving(Cylinder{0.05, 0.1}, across)}, {}, {.margin = 0.02})
+    return Contacts({Moving(Cylinder{0.05, half}), Moving(Cylinder{0.05, half}, across)}, {},
+                    {.margin = 0.02})
         .size();
   };
-  EXPECT_EQ(count(0.0999), 3u);
-  EXPECT_EQ(count(0.1003), 1u);  // its sine is above 0.1
+  // Ends pass each other where they lie aside by a third of the distance of the axes: 0.09 rad at 0.365 m.
+  EXPECT_EQ(count(0.09, 0.35), 3u);
+  EXPECT_EQ(count(0.09, 0.38), 1u);
+  EXPECT_EQ(count(0.0999, 0.1), 3u);
+  EXPECT_EQ(count(0.1003, 0.1), 1u);  // its sine is above 0.1
 }
 
 // A beam that lies across two bars. MuJoCo's routine for capsule and box named one edge of it, or none, by

@@ -1,29 +1,8 @@
 // The same file in MuJoCo at a small step, by its stiff springs in the place of what is hard here.
-#include <mujoco/mujoco.h>
-
-#include <unistd.h>
-#include <filesystem>
-#include <fstream>
-#include <memory>
-
 #include "support.hpp"
 
 namespace fork1s::switched_equalities_test {
 namespace {
-
-using ModelPtr = std::unique_ptr<mjModel, void (*)(mjModel*)>;
-
-// Null, and a failure, where MuJoCo does not read it.
-ModelPtr LoadInMujoco(const std::string& mjcf) {
-  const auto path =
-      std::filesystem::path(::testing::TempDir()) / fmt::format("fork1s_switched_{}.xml", getpid());
-  std::ofstream(path) << mjcf;
-  char error[500] = "";
-  ModelPtr model(mj_loadXML(path.c_str(), nullptr, error, sizeof error), mj_deleteModel);
-  std::filesystem::remove(path);
-  EXPECT_NE(model, nullptr) << error;
-  return model;
-}
 
 // An arm of two hinges swings with a box by a weld or a connect of `where`, then throws it.
 std::string Crane(const std::string& kind, const std::string& where, const std::string& options) {
@@ -48,7 +27,7 @@ Inputs At(double t) { return {t < 0.3 ? -0.5 : 0.3, 0.4, t < 0.8 ? 1.0 : 0.0}; }
 
 void ExpectAsInMujoco(const std::string& kind, const std::string& where) {
   SCOPED_TRACE(kind + " " + where);
-  const ModelPtr model = LoadInMujoco(Crane(kind, where, "timestep='1e-4' integrator='implicitfast'"));
+  const MujocoModel model = LoadInMujoco(Crane(kind, where, "timestep='1e-4' integrator='implicitfast'"));
   ASSERT_NE(model, nullptr);
   const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);
   Simulation s = MustStart(Crane(kind, where, ""), 1. / 480);
@@ -93,7 +72,7 @@ TEST(SwitchedEquality, ReferencePoseOfTheFile_IsWhereBothComeToRest) {
       "euler='0 0 40'><freejoint/><geom type='box' size='.05 .02 .1' mass='.2'/></body></worldbody><equality><weld "
       "name='dock' body1='wrist' body2='tool' relpose='.2 0 0 .9238795 0 .3826834 0' active='false' "
       "solref='.01 1' solimp='.9999 .9999 .0001'/></equality></mujoco>";
-  const ModelPtr model = LoadInMujoco(text);
+  const MujocoModel model = LoadInMujoco(text);
   ASSERT_NE(model, nullptr);
   model->opt.timestep = 1e-4;
   const std::unique_ptr<mjData, void (*)(mjData*)> data(mj_makeData(model.get()), mj_deleteData);

@@ -1,43 +1,21 @@
 // Models with equalities that a control switches.
 #pragma once
 
-#include <fmt/format.h>
-#include <gtest/gtest.h>
-#include <fork1s/importer/importer.hpp>
-#include <fork1s/sim/simulation.hpp>
-
 #include <array>
 #include <cmath>
+#include <mjcf_text.hpp>
 #include <string>
 
 namespace fork1s::switched_equalities_test {
 
+using testing::LoadInMujoco;
+using testing::MujocoModel;
+using testing::MustLoad;
+using testing::MustStart;
+using testing::Place;
+using testing::RunUntil;
+
 inline constexpr double kGravity = 9.81;  // m/s²
-
-inline ImportedScene MustLoad(const std::string& text) {
-  auto loaded = LoadMechanismFromString(text, "test.xml", {});
-  if (!loaded) throw std::runtime_error(loaded.error().Text());
-  return std::move(*loaded);
-}
-
-inline Simulation MustStart(const std::string& text, double dt) {
-  SimulationOptions options;
-  options.dt = dt;
-  auto simulation = Simulation::Create(MustLoad(text).scene, options);
-  if (!simulation) throw std::runtime_error(simulation.error().Text());
-  return std::move(*simulation);
-}
-
-inline void RunUntil(Simulation& simulation, double until) {
-  while (simulation.time() < until - 1e-9) {
-    const StepReport report = simulation.Step();
-    ASSERT_TRUE(report.finite && report.stages_converged) << simulation.time();
-  }
-}
-
-inline Vector3 Place(const Simulation& simulation, const std::string& body) {
-  return simulation.Pose(body).translation();
-}
 
 /// Of a switched equality, on its second body in the last step [N].
 inline Vector3 Force(const Simulation& simulation, std::size_t closure = 0) {
