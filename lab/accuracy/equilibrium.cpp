@@ -105,7 +105,7 @@ VectorX ReducedEquilibrium::Residual(const VectorX& x, double force_N) {
     wrench << PositionAt(x).cross(F), F;
     return f + model_->T_of(case_->body).transpose() * wrench;
   }
-  // Two sums of docs/method.md, section 2, along the path of the loaded body, and their derivatives by z.
+  // Two sums of recovery/second_order.hpp along the path of the loaded body, and their derivatives by z.
   const Mechanism& m = *model_->mechanism;
   std::vector<int> path;
   for (int j = m.body(case_->body).last_joint; j >= 0; j = m.joint(JointIndex(j)).previous) path.push_back(j);

@@ -24,7 +24,7 @@ struct FollowedWish {
 /// Changes stiffnesses of joints and servos among `settings.tunables` until the body gives way as wished, or
 /// as nearly as they can within `wish.factor` of the file's; a stiffness that a viewer has put beyond may
 /// stay there. Projected least squares on logarithms with exact gradients, ∂C/∂k = -y yᵀ (docs/method.md,
-/// section 4), each step the shortest that leads there. `scene`: as the file has it. Errors: kUsage where no
+/// section 3), each step the shortest that leads there. `scene`: as the file has it. Errors: kUsage where no
 /// such stiffness moves the body, and beyond 200 joint coordinates; as of BuildMechanism.
 Expected<FollowedWish> FollowWish(const Scene& scene, const ComplianceWish& wish, LiveSettings& settings);
 

@@ -202,7 +202,7 @@ TEST(CSimulation, PushActsThroughTheNextCallAtAPointOfTheBody) {
 }
 
 TEST(CSimulation, TipGivesWayAsItsClosedFormSays) {
-  // docs/method.md, known answers: K = [[100, 100], [100, 200]] N/m at the tip. 0.1 N bends the arm by 1e-3 rad, whose
+  // docs/validation.md: K = [[100, 100], [100, 200]] N/m at the tip. 0.1 N bends the arm by 1e-3 rad, whose
   // square is what the linear answer leaves out.
   const CSimulation in_c = CreateInC(LoadInC(Scene("two_link_arm.xml")));
   std::int32_t body = -1;

@@ -57,7 +57,7 @@ def test_stiffness_is_the_inverse_where_it_exists():
 
 
 def test_frequencies_of_two_links(arm):
-    expected = np.array([7.5693, 19.8168]) / (2 * np.pi)  # docs/method.md, known answers
+    expected = np.array([7.5693, 19.8168]) / (2 * np.pi)  # docs/validation.md
     assert_allclose(arm.frequencies, expected, rtol=1e-5)
     assert_allclose(arm.reduced_frequencies, expected, rtol=1e-5)
 

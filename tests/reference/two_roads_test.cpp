@@ -141,7 +141,7 @@ TEST(TwoRoads, FrequenciesOfRandomMechanisms) {
 }
 
 TEST(Frequencies, TwoLinkArm) {
-  // docs/method.md, known answers: elbow at a right angle, 7.5693 and 19.8168 rad/s.
+  // docs/validation.md: elbow at a right angle, 7.5693 and 19.8168 rad/s.
   MechanismDef def = testing::Chain(2, 1, 1, 100);
   def.bodies[2].X_PB.rotation() = Eigen::AngleAxisd(M_PI / 2, Vector3::UnitZ()).matrix();
   FullSimulation s = Start(Of(def), 0.01);

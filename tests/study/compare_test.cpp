@@ -79,7 +79,7 @@ TEST(CompareFull, FrequenciesAreThoseOfTheOtherRooms) {
   const Comparison c = CompareOrThrow(LoadScene("two_link_arm"), options);
   ASSERT_EQ(c.frequencies_full_hz.size(), 2u);
   ASSERT_EQ(c.frequencies_reduced_hz.size(), 2u);
-  // docs/method.md, known answers, to half a unit of their last digit.
+  // docs/validation.md, to half a unit of their last digit.
   EXPECT_NEAR(2 * M_PI * c.frequencies_full_hz[0], 7.5693, 5e-5);
   EXPECT_NEAR(2 * M_PI * c.frequencies_full_hz[1], 19.8168, 5e-5);
   EXPECT_NEAR(2 * M_PI * c.frequencies_reduced_hz[0], 7.5693, 5e-5);

@@ -1,6 +1,6 @@
 """Stiffnesses for a wanted compliance.
 
-With K = diag(k) on the joints of a mechanism at its pose, C(k) is what the bodies feel, and docs/method.md, section 4,
+With K = diag(k) on the joints of a mechanism at its pose, C(k) is what the bodies feel, and docs/method.md, section 3,
 gives y_j, how they move per force along joint j. Then
 
     ∂C/∂k_j = -y_j y_jᵀ,     so with k_j = exp(x_j)     ∂C/∂x_j = -k_j y_j y_jᵀ,
