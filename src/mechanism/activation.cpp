@@ -7,7 +7,8 @@
 //                T₂/(..) + (T₁ (..) - T₂/(..)) S((u' - a)/w + 1/2), S(x) = x³(6 x² - 15 x + 10) held between 0 and 1
 // Of a muscle with held input and without smoothing, p = |u - a| and c = 0.5 + 1.5 u obey
 //     rising:   c ln(p₀/p) - 1.5 (p₀ - p) = t/T₁              falling:  p = c p₀ E/(c + 1.5 p₀ (1 - E)),  E = exp(-c t/T₂)
-// else it is integrated in substeps.
+// else it is integrated in substeps of the classical Runge-Kutta rule, off by less than 1e-7 for time constants of 2 ms
+// and more and w of 0 or of 0.05 and more.
 //
 // At a bound the activation stands until its rate points inward: until the input of a lag passes the bound, or
 // that of an integrator passes 0, as for a lag where it is that of a muscle. Between two such times the activation leaves no bound that it has reached,

@@ -92,7 +92,7 @@ TEST(MuscleActivation, FollowsItsEquation) {
     const double error = std::abs(AdvanceActivation(c, a, u, rate, t) - MuscleInSmallSteps(c, a, u, rate, t));
     double& most = rate == 0 && c.smoothing == 0 ? largest_held : largest;
     most = std::max(most, error);
-    EXPECT_LT(error, 1e-7) << trial;  // what docs/method.md promises for such times and rates
+    EXPECT_LT(error, 1e-7) << trial;  // the bound that mechanism/activation.cpp states
   }
   RecordProperty("largest error", std::to_string(largest));
   EXPECT_LT(largest_held, 1e-9);  // that of the small steps where a bound is met

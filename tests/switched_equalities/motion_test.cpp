@@ -403,7 +403,7 @@ TEST(SwitchedEquality, ThatAsksForAPoseInsideOfTheFloor_HoldsItAndStaysCalm) {
     ASSERT_TRUE(s.Step().finite);
     highest = std::max(highest, Place(s, "crate").z());
   }
-  // What overlaps is pushed apart at 0.1 m/s at most, with which it hops by 0.5 mm (docs/method.md).
+  // What overlaps is pushed apart at 0.1 m/s at most, with which it hops by 0.5 mm (constraints/material.hpp).
   EXPECT_LT(highest, 0.101);
   EXPECT_NEAR(Place(s, "crate").z(), 0.1, 1e-4);
 }
