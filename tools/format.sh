@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Formats C++ (clang-format-16, .clang-format) and Python (ruff, pyproject.toml), and checks Python (ruff), shell scripts
-# (shellcheck) and spelling (codespell).
+# (shellcheck), spelling (codespell) and, without FILE, words that are unknown in src and include (tools/words.py).
 #
 #     tools/format.sh [--check] [FILE...]     all files unless named; --check changes none
 #
-# The exit code is 1 where a file has to change. tools/setup.sh format installs clang-format-16 and shellcheck; ruff and
-# codespell are pinned in tools/format.txt and installed in build/format.
+# The exit code is 1 where a file has to change. tools/setup.sh format installs clang-format-16, shellcheck
+# and the lists of English words; ruff and codespell are pinned in tools/format.txt and installed in build/format.
 set -euo pipefail
 started=$SECONDS
 check=""
@@ -68,6 +68,8 @@ if [ ${#python[@]} -gt 0 ]; then
 fi
 [ ${#shell[@]} -eq 0 ] || shellcheck --severity=info "${shell[@]}" || failed=yes
 [ ${#text[@]} -eq 0 ] || "$tools/codespell" "${text[@]}" || failed=yes
+# 77: it says what it lacks.
+[ $# -gt 0 ] || python3 -B tools/words.py --check || [ $? -eq 77 ] || failed=yes
 if [ -n "$failed" ]; then
   echo "format: files are to change, see above; tools/format.sh changes the layout of C++ and Python" >&2
   exit 1

@@ -21,7 +21,7 @@ build_programs=(node:nodejs npm:npm)
 rest_programs=(chromium:chromium ffmpeg:ffmpeg)
 # What runs shaders/ without a graphics card, and what translates them.
 rest_packages=(libegl-mesa0 libgl1-mesa-dri glslang-tools spirv-tools spirv-cross)
-format_packages=(clang-format-16 shellcheck python3-venv)
+format_packages=(clang-format-16 shellcheck python3-venv wamerican wbritish)
 
 packages=() programs=()
 case "${1:-all}" in

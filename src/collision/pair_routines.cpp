@@ -21,9 +21,9 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-mjfCollision mujocos_convex = nullptr, mujocos_box_box = nullptr, mujocos_field = nullptr,
-             mujocos_field_sphere = nullptr, mujocos_plane_mesh = nullptr, mujocos_plane_cylinder = nullptr,
-             mujocos_capsule_box = nullptr, mujocos_capsules = nullptr;
+mjfCollision mujoco_convex = nullptr, mujoco_box_box = nullptr, mujoco_field = nullptr,
+             mujoco_field_sphere = nullptr, mujoco_plane_mesh = nullptr, mujoco_plane_cylinder = nullptr,
+             mujoco_capsule_box = nullptr, mujoco_capsules = nullptr;
 
 bool IsOurs(const mjModel* m) { return std::strcmp(m->names, kCollisionModelName) == 0; }
 
@@ -181,7 +181,7 @@ bool FindDeepest(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int
     }
   }
   const OnePoint one(m);
-  if (mujocos_convex(m, d, contacts, a, b, margin) == 0) return false;
+  if (mujoco_convex(m, d, contacts, a, b, margin) == 0) return false;
   deepest = DeepestOf(contacts[0]);
   return true;
 }
@@ -218,11 +218,11 @@ int OnCapsule(const mjModel* m, const mjData* d, mjPreContact* contacts, int fou
   return WriteOverlap(m, d, contacts, a, b, margin, DeepestOf(nearest));
 }
 int CapsuleOnBox(const mjModel* m, mjData* d, mjPreContact* contacts, int capsule, int box, mjtNum margin) {
-  return OnCapsule(m, d, contacts, mujocos_capsule_box(m, d, contacts, capsule, box, margin), capsule, box,
+  return OnCapsule(m, d, contacts, mujoco_capsule_box(m, d, contacts, capsule, box, margin), capsule, box,
                    margin);
 }
 int CapsuleOnCapsule(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return OnCapsule(m, d, contacts, mujocos_capsules(m, d, contacts, a, b, margin), a, b, margin);
+  return OnCapsule(m, d, contacts, mujoco_capsules(m, d, contacts, a, b, margin), a, b, margin);
 }
 
 // Corners of the face that looks at a plane, and what `patch` has of the shape already.
@@ -238,7 +238,7 @@ int FaceOnPlane(const mjModel* m, const mjData* d, mjPreContact* contacts, int p
 
 // MuJoCo names the nearest corner and some of its neighbours; a face that lies on the plane has more.
 int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, int mesh, mjtNum margin) {
-  const int found = mujocos_plane_mesh(m, d, contacts, plane, mesh, margin);
+  const int found = mujoco_plane_mesh(m, d, contacts, plane, mesh, margin);
   if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
   ContactPatch patch(Posed(m, d, plane).R.col(2));
   for (int i = 0; i < found; ++i) patch.Add(Eigen::Map<const Vector3>(contacts[i].pos), contacts[i].dist);
@@ -249,7 +249,7 @@ int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, 
 // the rim of a cylinder that stands.
 int CylinderOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, int cylinder,
                     mjtNum margin) {
-  const int found = mujocos_plane_cylinder(m, d, contacts, plane, cylinder, margin);
+  const int found = mujoco_plane_cylinder(m, d, contacts, plane, cylinder, margin);
   if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
   ContactPatch patch(Posed(m, d, plane).R.col(2));
   patch.SetDeepest(Eigen::Map<const Vector3>(contacts[0].pos), contacts[0].dist);
@@ -411,7 +411,7 @@ int OfTheSurface(const mjModel* m, const mjData* d, int field, int shape, double
 int ConvexOnField(const mjModel* m, mjData* d, mjPreContact* contacts, int field, int shape, mjtNum margin) {
   const OnePoint one(m);
   const double wanted = margin;
-  int count = mujocos_field(m, d, contacts, field, shape, margin);
+  int count = mujoco_field(m, d, contacts, field, shape, margin);
   std::array<mjPreContact, mjMAXCONPAIR> nearer;
   std::array<double, mjMAXCONPAIR> gaps;
   while (count == mjMAXCONPAIR && margin > 0) {
@@ -425,7 +425,7 @@ int ConvexOnField(const mjModel* m, mjData* d, mjPreContact* contacts, int field
     if (!(within < margin)) within = *std::min_element(gaps.begin(), gaps.end());
     within = std::max(within, 0.0);
     if (!(within < margin)) break;
-    const int found = mujocos_field(m, d, nearer.data(), field, shape, within);
+    const int found = mujoco_field(m, d, nearer.data(), field, shape, within);
     if (found == 0) break;
     std::copy_n(nearer.begin(), found, contacts);
     count = found;
@@ -435,28 +435,28 @@ int ConvexOnField(const mjModel* m, mjData* d, mjPreContact* contacts, int field
 }
 
 int ConvexOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? ConvexPair : mujocos_convex)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? ConvexPair : mujoco_convex)(m, d, contacts, a, b, margin);
 }
 int BoxBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? ConvexPair : mujocos_box_box)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? ConvexPair : mujoco_box_box)(m, d, contacts, a, b, margin);
 }
 int PlaneMeshOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? MeshOnPlane : mujocos_plane_mesh)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? MeshOnPlane : mujoco_plane_mesh)(m, d, contacts, a, b, margin);
 }
 int PlaneCylinderOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? CylinderOnPlane : mujocos_plane_cylinder)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? CylinderOnPlane : mujoco_plane_cylinder)(m, d, contacts, a, b, margin);
 }
 int CapsuleBoxOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? CapsuleOnBox : mujocos_capsule_box)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? CapsuleOnBox : mujoco_capsule_box)(m, d, contacts, a, b, margin);
 }
 int CapsulesOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? CapsuleOnCapsule : mujocos_capsules)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? CapsuleOnCapsule : mujoco_capsules)(m, d, contacts, a, b, margin);
 }
 int FieldOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? ConvexOnField : mujocos_field)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? ConvexOnField : mujoco_field)(m, d, contacts, a, b, margin);
 }
 int FieldSphereOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a, int b, mjtNum margin) {
-  return (IsOurs(m) ? SphereOnGrid : mujocos_field_sphere)(m, d, contacts, a, b, margin);
+  return (IsOurs(m) ? SphereOnGrid : mujoco_field_sphere)(m, d, contacts, a, b, margin);
 }
 
 }  // namespace
@@ -464,19 +464,19 @@ int FieldSphereOrOwn(const mjModel* m, mjData* d, mjPreContact* contacts, int a,
 void InstallPairRoutines() {
   static std::once_flag once;
   std::call_once(once, [] {
-    mujocos_convex = mjCOLLISIONFUNC[mjGEOM_ELLIPSOID][mjGEOM_CYLINDER];
-    mujocos_box_box = mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX];
-    mujocos_field = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_BOX];
-    mujocos_field_sphere = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
-    mujocos_plane_mesh = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
-    mujocos_plane_cylinder = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
-    mujocos_capsules = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_CAPSULE];
-    mujocos_capsule_box = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX];
+    mujoco_convex = mjCOLLISIONFUNC[mjGEOM_ELLIPSOID][mjGEOM_CYLINDER];
+    mujoco_box_box = mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX];
+    mujoco_field = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_BOX];
+    mujoco_field_sphere = mjCOLLISIONFUNC[mjGEOM_HFIELD][mjGEOM_SPHERE];
+    mujoco_plane_mesh = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
+    mujoco_plane_cylinder = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
+    mujoco_capsules = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_CAPSULE];
+    mujoco_capsule_box = mjCOLLISIONFUNC[mjGEOM_CAPSULE][mjGEOM_BOX];
     for (int a = 0; a < mjNGEOMTYPES; ++a)
       for (int b = a; b < mjNGEOMTYPES; ++b) {
         mjfCollision& routine = mjCOLLISIONFUNC[a][b];
-        if (routine == mujocos_convex) routine = &ConvexOrOwn;
-        if (routine == mujocos_field && b != mjGEOM_SPHERE) routine = &FieldOrOwn;
+        if (routine == mujoco_convex) routine = &ConvexOrOwn;
+        if (routine == mujoco_field && b != mjGEOM_SPHERE) routine = &FieldOrOwn;
       }
     mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX] = &BoxBoxOrOwn;
     mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH] = &PlaneMeshOrOwn;

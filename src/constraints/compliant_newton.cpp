@@ -6,7 +6,7 @@
 namespace fork1s::internal {
 namespace {
 
-constexpr int kPatience = 12, kConvexIterations = 100, kLowerings = 30;
+constexpr int kPatience = 12, kConvexIterations = 100, kMaxFrozenBoundRounds = 30;
 constexpr int kPaths = 8;  // with another shift each; of twice as many the second half brought no answer
 constexpr double kShift = 0.01;                 // of the fastest point
 constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] evenly
@@ -123,7 +123,7 @@ bool CompliantNewton::Frozen(CompliantRows& rows, int rounds, double tolerance, 
 // their friction.
 void CompliantNewton::Leave(CompliantRows& rows, double tolerance, int& iterations) {
   for (PointRows& point : rows.points) point.law.frozen_normal = std::max(0.0, point.frozen_before);
-  for (int round = 0; round < kLowerings; ++round) {
+  for (int round = 0; round < kMaxFrozenBoundRounds; ++round) {
     Run(rows, tolerance, kConvexIterations, kConvexIterations, iterations);
     double over = 0, most = 0;
     for (PointRows& point : rows.points) {

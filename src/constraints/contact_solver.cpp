@@ -47,14 +47,14 @@ struct ContactSolver::Workspace {
   std::vector<char> is_taken;
   VectorX start;  // velocities
 
-  bool TakeMissed(const std::vector<ContactConstraint>& contacts,
-                  const Eigen::Ref<const VectorX>& velocities);
+  bool AddClosingContacts(const std::vector<ContactConstraint>& contacts,
+                          const Eigen::Ref<const VectorX>& velocities);
   void StoreImpulses(std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits) const;
 };
 
 // Contacts that were left out and that these velocities close. False where there is none.
-bool ContactSolver::Workspace::TakeMissed(const std::vector<ContactConstraint>& contacts,
-                                          const Eigen::Ref<const VectorX>& velocities) {
+bool ContactSolver::Workspace::AddClosingContacts(const std::vector<ContactConstraint>& contacts,
+                                                  const Eigen::Ref<const VectorX>& velocities) {
   bool any = false;
   for (std::size_t i = 0; i < contacts.size(); ++i)
     if (!is_taken[i] && NormalSpeed(contacts[i], velocities) < 0) is_taken[i] = any = true;
@@ -141,7 +141,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     if (!std::isfinite(report.residual)) return give_up();
     work.StoreImpulses(contacts, limits);
     rows.AddChange(work.change.data(), velocities);
-    if (!work.TakeMissed(contacts, velocities)) break;
+    if (!work.AddClosingContacts(contacts, velocities)) break;
   }
   Measure(rows, report);
   return report;

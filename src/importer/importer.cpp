@@ -95,13 +95,13 @@ Error RefuseSdformat(const std::string& path) {
                   file.filename().string(), out)};
 }
 
-bool LooksLikeUrdf(const std::string& text) { return text.find("<robot") != std::string::npos; }
+bool ContainsRobotTag(const std::string& text) { return text.find("<robot") != std::string::npos; }
 
 Expected<internal::PreparedModel> PrepareText(const std::string& path, std::string text, bool on_disk,
                                               const ImportOptions& options) {
   auto root = internal::RootElement(path, text);
   int declaration_line = 0;
-  if (!root && LooksLikeUrdf(text)) {
+  if (!root && ContainsRobotTag(text)) {
     declaration_line = internal::RemoveLateDeclaration(text);
     if (declaration_line > 0) root = internal::RootElement(path, text);
   }

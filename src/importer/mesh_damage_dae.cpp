@@ -165,8 +165,8 @@ class DaeCheck {
   std::map<const DaeElement*, double> expanded_;
 };
 
-// Leaves the geometry and the scene that places it.
-void KeepGeometry(DaeElement& root) {
+// Removes all but the geometry and the scene that places it.
+void RemoveAllButGeometry(DaeElement& root) {
   static constexpr std::string_view kKept[] = {"asset", "library_geometries", "library_nodes",
                                                "library_visual_scenes", "scene"};
   for (DaeElement* e = root.FirstChildElement(); e != nullptr;) {
@@ -214,7 +214,7 @@ tl::expected<std::string, MeshFault> CleanDae(const std::string& content) {
   if (document.Parse(content.data(), content.size()) != tinyxml2::XML_SUCCESS ||
       document.RootElement() == nullptr)
     return damaged(document.ErrorLineNum(), "this is not well-formed XML");
-  KeepGeometry(*document.RootElement());
+  RemoveAllButGeometry(*document.RootElement());
   for (const char* name : {"bind_material", "extra", "instance_camera", "instance_light"})
     RemoveAll(*document.RootElement(), name);
   RemoveEmptyLists(*document.RootElement());

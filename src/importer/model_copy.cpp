@@ -24,9 +24,9 @@ using internal::XmlTag;
 
 std::string Number(double x) { return fmt::format("{:.10g}", x); }
 
-class Changer {
+class ModelEditor {
  public:
-  explicit Changer(const std::string& text) : text_(text), tags_(FindTags(text)) {
+  explicit ModelEditor(const std::string& text) : text_(text), tags_(FindTags(text)) {
     for (const XmlTag& tag : tags_)
       if (tag.name == "compiler")
         if (const auto angle = Value(tag, "angle"); angle == "radian") degrees_ = false;
@@ -231,10 +231,10 @@ Expected<ChangedText> ChangeModelText(const std::string& path, const std::string
   if (*root != "mujoco")
     return Fail(ErrorCode::kFormat, path,
                 "is no MJCF; numbers are written into MJCF only, so convert it first and tune that file");
-  Changer changer(text);
-  for (const ModelChange& change : changes) changer.Make(change);
-  changer.Add(moment);
-  return changer.Take();
+  ModelEditor editor(text);
+  for (const ModelChange& change : changes) editor.Make(change);
+  editor.Add(moment);
+  return editor.Take();
 }
 
 }  // namespace fork1s

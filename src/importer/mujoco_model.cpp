@@ -34,7 +34,7 @@ class MujocoFault : public std::runtime_error {
 };
 
 [[noreturn]] void ThrowFault(const char* message) { throw MujocoFault(message); }
-void KeepWarning(const char* message) {
+void StoreWarning(const char* message) {
   if (warnings_sink != nullptr) warnings_sink->emplace_back(message);
 }
 
@@ -44,7 +44,7 @@ class HandlerScope {
       : lock_(CompilerLock()), error_(mju_user_error), warning_(mju_user_warning) {
     warnings_sink = sink;
     mju_user_error = ThrowFault;
-    mju_user_warning = KeepWarning;
+    mju_user_warning = StoreWarning;
   }
   ~HandlerScope() {
     mju_user_error = error_;

@@ -93,7 +93,7 @@ std::vector<int> Motors(const Conversion& c, int mechanism) {
   return dofs;
 }
 
-bool Unheld(const Conversion& c, int dof) {
+bool IsUnrestrained(const Conversion& c, int dof) {
   const bool free = c.m.jnt_type[c.m.dof_jntid[dof]] == mjJNT_FREE;
   return !free && c.k[dof] == 0 && !c.in_spring[dof] && !c.coupled[dof];
 }
@@ -112,7 +112,7 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
   }
   std::vector<int> dofs;
   for (int dof = 0; dof < c.m.nv; ++dof) {
-    if (c.MechanismOf(dof) != mechanism || !Unheld(c, dof)) continue;
+    if (c.MechanismOf(dof) != mechanism || !IsUnrestrained(c, dof)) continue;
     if (!motors.empty() && std::find(motors.begin(), motors.end(), dof) == motors.end()) continue;
     dofs.push_back(dof);
   }

@@ -90,7 +90,7 @@ std::optional<Error> CheckInertialNumbers(const UrdfWork& work, const std::strin
   return std::nullopt;
 }
 
-void TakeInertiaFromShape(UrdfWork& work, XMLElement& link, XMLElement& inertial, double mass) {
+void SetInertiaFromShape(UrdfWork& work, XMLElement& link, XMLElement& inertial, double mass) {
   const XMLElement* part = link.FirstChildElement("collision");
   if (part == nullptr) part = link.FirstChildElement("visual");
   const std::optional<SolidLike> solid = SolidInertia(work, part, mass);
@@ -132,7 +132,7 @@ std::optional<Error> PrepareInertia(UrdfWork& work, XMLElement& link) {
   Matrix3 I;
   I << v[0], v[1], v[2], v[1], v[3], v[4], v[2], v[4], v[5];
   if (IsMasslessUrdf(I.cwiseAbs().maxCoeff())) {
-    TakeInertiaFromShape(work, link, *inertial, mass);
+    SetInertiaFromShape(work, link, *inertial, mass);
     return std::nullopt;
   }
   const Vector3 e = PrincipalValues(I);  // ascending

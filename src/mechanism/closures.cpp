@@ -136,7 +136,7 @@ double CloseLoops(const Mechanism& mechanism, VectorX& q, int max_iterations) {
     const VectorX step_x = yielding.cwiseProduct(
         VectorX(LeastNormSolve(A_x * yielding.asDiagonal(), row.cwiseProduct(c), kRankThreshold)));
     VectorX step = unit.coordinate.cwiseProduct(step_x);
-    // Far from closed, half a radian a joint keeps the linearisation meaningful.
+    // Far from closed, half a radian a joint keeps the linearization meaningful.
     const double largest = step.cwiseAbs().maxCoeff();
     if (largest > 0.5) step *= 0.5 / largest;
     if (largest < 1e-15) break;

@@ -92,7 +92,7 @@ std::string Unpadded(const char* data, std::size_t size) {
   return {data, size};
 }
 
-herr_t KeepDescription(unsigned, const H5E_error2_t* error, void* out) {
+herr_t StoreDescription(unsigned, const H5E_error2_t* error, void* out) {
   // Walked from the inside: the first entry is the cause.
   auto& text = *static_cast<std::string*>(out);
   if (text.empty() && error->desc) text = error->desc;
@@ -123,7 +123,7 @@ bool Hdf5::Close() {
 
 std::string LastHdf5Message() {
   std::string text;
-  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, KeepDescription, &text);
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, StoreDescription, &text);
   return text.empty() ? "HDF5 gives no reason" : text;
 }
 

@@ -136,7 +136,7 @@ struct Recorder::Detail {
                    const std::vector<AppliedWrench>& wrenches);
   void CollectContacts(const Simulation& simulation);
   void Write();
-  std::string Unwritable() const;
+  std::string WriteFailure() const;
 
   template <class F>
   Expected<void> Guard(F&& work) {
@@ -198,7 +198,7 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
   } catch (const Hdf5Fault& e) {
     d.datasets.clear();
     d.file.Close();
-    return Fail(ErrorCode::kFile, path, d.disk.failed() ? d.Unwritable() : e.what());
+    return Fail(ErrorCode::kFile, path, d.disk.failed() ? d.WriteFailure() : e.what());
   }
   // Only now does a file that was there before give way.
   if (auto kept = d.output->Keep(); !kept) return tl::unexpected(kept.error());
@@ -206,7 +206,7 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
   return recorder;
 }
 
-std::string Recorder::Detail::Unwritable() const { return "cannot be written: " + disk.Reason(); }
+std::string Recorder::Detail::WriteFailure() const { return "cannot be written: " + disk.Reason(); }
 
 void Recorder::Detail::MakeFile(const Simulation& simulation) {
   const Hdf5 access = DiskAccess(disk);
@@ -355,10 +355,11 @@ void Recorder::Detail::Write() {
   if (H5Fflush(file.id(), H5F_SCOPE_LOCAL) < 0 && !disk.failed())
     throw Hdf5Fault("cannot be written (" + LastHdf5Message() + ')', ErrorCode::kFile);
   if (disk.failed())
-    throw Hdf5Fault(Unwritable() + (disk.error == DiskState::kCutOff
-                                        ? ""
-                                        : ". Its first " + std::to_string(steps_on_disk) + " steps are safe"),
-                    ErrorCode::kFile);
+    throw Hdf5Fault(
+        WriteFailure() + (disk.error == DiskState::kCutOff
+                              ? ""
+                              : ". Its first " + std::to_string(steps_on_disk) + " steps are safe"),
+        ErrorCode::kFile);
   steps_on_disk = totals[static_cast<std::size_t>(Rows::kSteps)];
 }
 
@@ -395,7 +396,7 @@ Expected<void> Recorder::Finish() {
   const bool closed = d.file.Close();
   if (d.failure && (!closed || d.disk.failed()))
     d.failure = Fail(ErrorCode::kFile, d.path,
-                     d.disk.failed() ? d.Unwritable() : "cannot be closed (" + LastHdf5Message() + ')');
+                     d.disk.failed() ? d.WriteFailure() : "cannot be closed (" + LastHdf5Message() + ')');
   if (d.failure && !d.output->IsInPlace())
     d.failure =
         Fail(ErrorCode::kFile, d.path,

@@ -226,7 +226,7 @@ bool Close(const ReducedModel& model, int max_corrections, Configuration& out) {
   Place(model, out);
   // A chord that gains less than this costs more than a new factor.
   constexpr double kGain = 0.3;
-  // A linearised closure means nothing beyond half a radian, or half a length of the mechanism.
+  // A linearized closure means nothing beyond half a radian, or half a length of the mechanism.
   constexpr double kFarthest = 0.5;
   double residual = out.c.cwiseAbs().maxCoeff();
   bool stale = !out.foresees, factored = false;

@@ -33,9 +33,9 @@ Matrix6 CrossForceMap(const Vector6& f) {
   return out;
 }
 
-class Expander {
+class ExpansionBuilder {
  public:
-  Expander(const ReducedModel& model, const Configuration& at, Expansion& out)
+  ExpansionBuilder(const ReducedModel& model, const Configuration& at, Expansion& out)
       : model_(model),
         m_(*model.mechanism),
         at_(at),
@@ -294,7 +294,7 @@ Expansion Expand(const ReducedModel& model, const VectorX& z, const Configuratio
   out.Q = c.Q_now;
   out.S = c.kinematics.S;
   out.X_RB = c.kinematics.X_RB;
-  Expander(model, c, out).Expand();
+  ExpansionBuilder(model, c, out).Expand();
   return out;
 }
 

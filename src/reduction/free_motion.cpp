@@ -66,8 +66,8 @@ std::string MotionText(const Vector6& twist, double length) {
 }
 
 // Of the motions N in one unit those that forces set going, and those on which K_t is not positive.
-MatrixX Unresisted(const Mechanism& mechanism, const VectorX& q, const StaticsOptions& loads,
-                   const VectorX& unit, const MatrixX& N) {
+MatrixX MotionsWithoutStiffness(const Mechanism& mechanism, const VectorX& q, const StaticsOptions& loads,
+                                const VectorX& unit, const MatrixX& N) {
   const std::vector<DeadLoad> none;
   internal::LoadedMechanism loaded(mechanism, q, none, loads);
   const VectorX work = TransposedTimes(N, unit.cwiseProduct(loaded.Residual(q, loaded.Reactions(q, 1), 1)));
@@ -79,9 +79,9 @@ MatrixX Unresisted(const Mechanism& mechanism, const VectorX& q, const StaticsOp
   const TangentStiffness tangent = ComputeTangentStiffness(mechanism, q, {}, loads);
   const MatrixX along = TransposedTimes(ScaledRows(unit.cwiseInverse(), tangent.eigenvectors), rest);
   const SymmetricSpectrum spectrum = SpectrumOf(DiagonalCongruence(tangent.eigenvalues, along));
-  const auto unheld = (spectrum.values.array() <= tangent.zero).count();
-  MatrixX out(N.rows(), static_cast<Eigen::Index>(moving.size()) + unheld);
-  out << Columns(N, moving), Times(rest, spectrum.vectors.leftCols(unheld));
+  const auto num_not_positive = (spectrum.values.array() <= tangent.zero).count();
+  MatrixX out(N.rows(), static_cast<Eigen::Index>(moving.size()) + num_not_positive);
+  out << Columns(N, moving), Times(rest, spectrum.vectors.leftCols(num_not_positive));
   return EchelonBasis(out);
 }
 
@@ -155,7 +155,7 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
   ComputeKinematics(mechanism, q, kinematics);
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
   MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
-  if (loads && N.cols() > 0) N = Unresisted(mechanism, q, *loads, basis.scale, N);
+  if (loads && N.cols() > 0) N = MotionsWithoutStiffness(mechanism, q, *loads, basis.scale, N);
   return DescribeMotions(mechanism, kinematics, basis.scale, N, bodies);
 }
 

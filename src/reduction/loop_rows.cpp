@@ -50,8 +50,8 @@ void ByEights(int n, F&& f) {
 
 // Y (kRows rows) = values X, `columns` of them.
 template <int kRows>
-void TakeApplied(const BlockView& b, const double* X, Eigen::Index X_stride, int columns, double* Y,
-                 Eigen::Index Y_stride) {
+void MultiplyBlock(const BlockView& b, const double* X, Eigen::Index X_stride, int columns, double* Y,
+                   Eigen::Index Y_stride) {
   ByEights(columns, [&](const auto& at) {
     using Some = typename decltype(at(Y))::PlainObject;
     Some sum[kRows];
@@ -251,8 +251,8 @@ void LoopRows::Apply(const VectorX& A, const RowMatrixX& X, RowMatrixX& Y) const
     for (int i = 0; i < size(); ++i) std::fill(Row(Y, i) + columns, Row(Y, i) + Y.cols(), 0.0);
   for (const Block& b : blocks_)
     ForRows(b.rows, [&]<int kRows>() {
-      TakeApplied<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count}, X.data(),
-                         X.cols(), columns, Row(Y, b.begin), Y.cols());
+      MultiplyBlock<kRows>({A.data() + b.at, b.stride, coordinates_.data() + b.coordinates, b.count},
+                           X.data(), X.cols(), columns, Row(Y, b.begin), Y.cols());
     });
 }
 

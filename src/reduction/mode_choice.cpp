@@ -109,7 +109,7 @@ std::vector<int> ContributingModes(const ReducedModel& all, const MatrixX& J, do
 ModeSelection SelectModesByStep(const Mechanism& mechanism, const Kinematics& kinematics,
                                 const ElasticBasis& basis, const MatrixX& Y_r, double step) {
   const MechanismDef& def = mechanism.definition();
-  const int unfelt = basis.num_elastic() - static_cast<int>(Y_r.cols());
+  const int num_unobserved = basis.num_elastic() - static_cast<int>(Y_r.cols());
   const int attached = basis.num_free() + static_cast<int>(Y_r.cols());
   const int most = std::max({kMostCoordinatesByStep - attached, attached, def.modes});
   ModeSelection selection{def.modes, def.mode_choice, 1 / (6 * step)};
@@ -123,7 +123,7 @@ ModeSelection SelectModesByStep(const Mechanism& mechanism, const Kinematics& ki
     selection.choice = ModeChoice::kContribution;
   } else {
     // All: later references have all too.
-    selection.count = std::max(resolved == unfelt ? basis.num_elastic() : resolved, def.modes);
+    selection.count = std::max(resolved == num_unobserved ? basis.num_elastic() : resolved, def.modes);
   }
   return selection;
 }

@@ -187,7 +187,7 @@ KeptColumns ChooseColumns(ReducedModel& model, const Kinematics& kinematics, con
   const int e = basis.num_elastic();
   KeptColumns kept;
   kept.num_elastic = std::accumulate(felt.begin(), felt.end(), 0);
-  const int unfelt = e - kept.num_elastic;
+  const int num_unobserved = e - kept.num_elastic;
   const MechanismDef& def = mechanism.definition();
   const MatrixX Y_r = FeltDirections(J_V, basis, felt);
   if (last)
@@ -197,11 +197,11 @@ KeptColumns ChooseColumns(ReducedModel& model, const Kinematics& kinematics, con
   else
     model.mode_selection = {options.modes >= 0 ? options.modes : def.modes, def.mode_choice};
   const int wanted = model.mode_selection.count;
-  if (wanted >= unfelt) {
+  if (wanted >= num_unobserved) {
     // All directions: then single joints, and what single loops leave, serve better than what the interface
     // feels most, and modes.
     kept.Y = basis.diagonal ? internal::BranchIdentity(mechanism, basis) : MatrixX(MatrixX::Identity(e, e));
-    kept.num_modes = unfelt;
+    kept.num_modes = num_unobserved;
     return kept;
   }
   const bool by_contribution = model.mode_selection.choice == ModeChoice::kContribution;

@@ -85,8 +85,8 @@ void ByThreeFours(int begin, int end, F&& f) {
 
 // Columns of T = T_up + s qᵀ; rows stand `stride` and `up_stride` apart.
 template <int kQuads>
-void TakeScrew(const double* T_up, std::ptrdiff_t up_stride, const double* s, const double* q, double* T,
-               std::ptrdiff_t stride) {
+void AddScrew(const double* T_up, std::ptrdiff_t up_stride, const double* s, const double* q, double* T,
+              std::ptrdiff_t stride) {
   Quad x[kQuads];
   for (int k = 0; k < kQuads; ++k) x[k] = QuadAt(q + 4 * k);
   for (int row = 0; row < 6; ++row, T += stride, T_up += up_stride)
@@ -116,12 +116,12 @@ void ReducedJacobian::Compute(const ReducedModel& model, const Configuration& c)
     double* const T = T_.data() + own.at;
     const double *q = Q_.data() + own.Q_at, *s = c.kinematics.S.data() + 6 * own.coordinate;
     const auto alone = [&]<int kQuads>(int k) {
-      TakeScrew<kQuads>(kNoColumns, 0, s, q + k, T + k, own.padded);
+      AddScrew<kQuads>(kNoColumns, 0, s, q + k, T + k, own.padded);
     };
     const double* const T_up = T_.data() + own.up_at;
     const int up_stride = own.up_end - own.up_begin;
     ByThreeFours(own.up_begin, own.up_end, [&]<int kQuads>(int k) {
-      TakeScrew<kQuads>(T_up + (k - own.up_begin), up_stride, s, q + k, T + k, own.padded);
+      AddScrew<kQuads>(T_up + (k - own.up_begin), up_stride, s, q + k, T + k, own.padded);
     });
     ByThreeFours(0, own.up_begin, alone);
     ByThreeFours(own.up_end, own.padded, alone);
@@ -129,7 +129,7 @@ void ReducedJacobian::Compute(const ReducedModel& model, const Configuration& c)
       q += own.padded;
       s += 6;
       ByThreeFours(0, own.padded, [&]<int kQuads>(int k) {
-        TakeScrew<kQuads>(T + k, own.padded, s, q + k, T + k, own.padded);
+        AddScrew<kQuads>(T + k, own.padded, s, q + k, T + k, own.padded);
       });
     }
   }

@@ -41,7 +41,7 @@ MatrixX AssembleResponse(const std::vector<ResponseBlock>& blocks, Eigen::Index 
 
 struct InverseMass {
   double mean = 0;         // trace(J W Jᵀ)/3
-  double uncancelled = 0;  // with the diagonal of W alone
+  double of_diagonal = 0;  // with the diagonal of W alone
 };
 
 InverseMass ComputeInverseMass(const PointConstraint& p, const MatrixX& W) {
@@ -50,7 +50,7 @@ InverseMass ComputeInverseMass(const PointConstraint& p, const MatrixX& W) {
   if (p.port_b >= 0) J.middleCols<6>(p.port_b) += p.J_b;
   InverseMass m;
   m.mean = TimesTransposed(Times(J, W), J).trace() / 3;
-  m.uncancelled = J.cwiseAbs2().colwise().sum().dot(W.diagonal()) / 3;
+  m.of_diagonal = J.cwiseAbs2().colwise().sum().dot(W.diagonal()) / 3;
   return m;
 }
 
@@ -69,7 +69,7 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
   for (std::size_t i = 0; i < points.size(); ++i) {
     const PointConstraint& p = points[i];
     const InverseMass m = ComputeInverseMass(p, W_v);
-    if (!(m.mean > kMinRelativeCompliance * m.uncancelled)) continue;
+    if (!(m.mean > kMinRelativeCompliance * m.of_diagonal)) continue;
     PointBlock block;
     block.constraint = static_cast<int>(i);
     block.inverse_mass = m.mean;
@@ -77,7 +77,7 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
     block.pair = pairs.emplace(std::pair(p.port_a, p.port_b), static_cast<int>(pairs.size())).first->second;
     problem.pair_floor.resize(pairs.size(), 0.0);
     double& floor = problem.pair_floor[static_cast<std::size_t>(block.pair)];
-    floor = std::max(floor, kMinRelativeCompliance * m.uncancelled);
+    floor = std::max(floor, kMinRelativeCompliance * m.of_diagonal);
     for (int k = 0; k < 3; ++k) {
       rows.AddRow(p, p.J_a.row(k).transpose(), p.J_b.row(k).transpose(), p.bias[k]);
       masses.push_back(m.mean);

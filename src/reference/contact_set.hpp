@@ -1,7 +1,7 @@
 // Contacts and joint limits of one step in full coordinates.
 //
 // Points, frames, biases and curvature term follow the same definitions as in the reduced simulator. The
-// response to impulses comes from the factorised equations of all bodies, and the contact law is solved by a
+// response to impulses comes from the factored equations of all bodies, and the contact law is solved by a
 // solver of this room (dense_contact_solver.hpp).
 #pragma once
 
@@ -52,7 +52,7 @@ class ContactSet {
   /// Forgets all impulses, for a fresh start after Newton went astray.
   void ForgetImpulses();
   bool empty() const { return constraints_.empty() && limits_.empty(); }
-  /// Solves the contact law on the mechanisms' present linearisation. False for responses that are not
+  /// Solves the contact law on the mechanisms' present linearization. False for responses that are not
   /// finite.
   bool Solve(const Mechanisms& mechanisms, const Bodies& free_bodies, const FullContactOptions& options,
              FullContactReport& report);

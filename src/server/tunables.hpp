@@ -1,4 +1,4 @@
-// Numbers of a model that viewers change while it runs: gains, dampings, limits, masses, friction.
+// Numbers of a model that viewers change while it runs: gains, damping coefficients, limits, masses, friction.
 #pragma once
 
 #include <fork1s/mechanism/scene.hpp>

@@ -27,7 +27,7 @@ Expected<Simulation> Copy(const Simulation& from) {
   return copy;
 }
 
-bool LeavesSomething(const Simulation& simulation) {
+bool HasReductionError(const Simulation& simulation) {
   const auto& mechanisms = simulation.world().mechanisms();
   return std::any_of(mechanisms.begin(), mechanisms.end(), [](const MechanismDynamics& m) {
     return m.recovery() != Recovery::kExact || m.model().has_complement;
@@ -83,7 +83,7 @@ Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation,
   auto finer = Copy(simulation);
   if (!finer) return tl::unexpected(finer.error());
   d.finer.emplace(std::move(*finer));
-  if (LeavesSomething(simulation)) {
+  if (HasReductionError(simulation)) {
     auto whole = Copy(simulation);
     if (!whole) return tl::unexpected(whole.error());
     const Fidelity all{simulation.fidelity().level, kAllModes, Recovery::kExact};

@@ -161,7 +161,7 @@ double FreeBody::MoveAndComputeStiffResidual(double b, StageMotion& moved) {
 double FreeBody::MoveAndComputeResidual(double b, StageMotion& moved) {
   if (stage_.is_stiff) return MoveAndComputeStiffResidual(b, moved);
   stage_.velocity_end = state_.velocity;
-  // The momentum of the pose linearised at, as contact left it.
+  // The momentum of the pose linearized at, as contact left it.
   const Vector3 spin_W = state_.X_WB.rotation() * (inertia_.rotational * state_.omega_B);
   MoveToStagePose(b);
   const Vector3 load_moment_W = state_.load.MomentAt(state_.X_WB.rotation());

@@ -297,7 +297,7 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
     base.R_WR = start.R_WR * ExpRotation(onward * b * ws.x.head<3>());
     base.center_W = start.center_W + onward * (ws.floating.stage_center_W - start.center_W);
   }
-  // The second stage is linearised first by the velocity on the line through the start and the first stage.
+  // The second stage is linearized first by the velocity on the line through the start and the first stage.
   ws.stage.x_first = ws.x;
   ws.floating.linear_first_W = LinearMomentum(here, ws.stage.end);
   ws.x = ws.start.x + (1 + onward) * (ws.stage.x_first - ws.start.x);

@@ -46,7 +46,7 @@ void WidenLimits(const VectorX& q, MechanismModel& model) {
 }
 
 // What hangs on the reference, from all that does not.
-void TakeReference(MechanismModel& model) {
+void ComputeReferenceTerms(MechanismModel& model) {
   const ReducedModel& reduced = *model.reduced;
   model.coordinate_reach.setZero(reduced.size());
   if (reduced.num_coordinates() > 0 && reduced.size() > 0)
@@ -82,7 +82,7 @@ MechanismModel::MechanismModel(std::shared_ptr<const ReducedModel> about, const 
       warnings.push_back("mechanism '" + mechanism().name() +
                          "' is stepped by exact poses and not by expansions: " + what);
   }
-  TakeReference(*this);
+  ComputeReferenceTerms(*this);
 }
 
 MechanismModel::MechanismModel(const MechanismModel& before, std::shared_ptr<const ReducedModel> about)
@@ -95,7 +95,7 @@ MechanismModel::MechanismModel(const MechanismModel& before, std::shared_ptr<con
       base_size(before.base_size),
       expands(before.expands),
       reduced(std::move(about)) {
-  TakeReference(*this);
+  ComputeReferenceTerms(*this);
 }
 
 }  // namespace fork1s

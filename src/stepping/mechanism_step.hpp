@@ -127,7 +127,7 @@ void RenewStageMatrix(const MechanismStep& here, GeometricStiffness of_parts);
 struct StageChange : StageMotion {
   double change = 0;  // of position, that this one makes
 };
-/// After contact, at the pose linearised at.
+/// After contact, at the pose linearized at.
 StageChange ComputeStageChange(const MechanismStep& here, double b);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of
 /// position that another Newton iteration would make [m], in the kinetic metric.

@@ -79,8 +79,8 @@ void CompareForces(const std::vector<TrackedBody>& tracked, const Run& a, const 
         size > 0 ? 100 * std::sqrt(difference / size) : std::numeric_limits<double>::quiet_NaN();
 }
 
-void KeepTraces(const std::vector<TrackedBody>& tracked, const Run& a, const Run& b, double interval,
-                Comparison& out) {
+void StoreTraces(const std::vector<TrackedBody>& tracked, const Run& a, const Run& b, double interval,
+                 Comparison& out) {
   out.traces.resize(tracked.size());
   for (std::size_t i = 0; i < std::min(a.samples.size(), b.samples.size()); ++i) {
     out.times_s.push_back(static_cast<double>(i) * interval);
@@ -146,7 +146,7 @@ void Summarise(const std::vector<TrackedBody>& tracked, const std::vector<Run>& 
     for (const std::string& w : run->warnings)
       if (std::find(out.warnings.begin(), out.warnings.end(), w) == out.warnings.end())
         out.warnings.push_back(w);
-  KeepTraces(tracked, base, base_other, interval, out);
+  StoreTraces(tracked, base, base_other, interval, out);
 }
 
 Expected<void> CheckControls(const ControlTrack& track, const Simulation& simulation) {

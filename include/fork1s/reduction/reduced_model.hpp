@@ -74,7 +74,7 @@ struct ReducedModel {
   std::vector<RigidTransform> X_RB_ref;  // b
   Matrix6X T;                            // 6 x (b r): T_B = T.middleCols(B r, r), twist of body B per z rate
 
-  /// The interior's own static response q_perp = C_perp g to joint-space forces g, unfelt by the interface.
+  /// Static response q_perp = C_perp g of the condensed DOFs to joint-space forces g; it moves no interface body.
   bool has_complement = false;
   VectorX k_inverse;  // n, trees with joint springs only: C_perp = diag(k_inverse) - Q_e Q_eᵀ
   MatrixX C_perp;     // n x n otherwise

@@ -121,7 +121,7 @@ class FreeBody {
     Vector3 spin_end_W = Vector3::Zero();
     Vector3 omega_B_first = Vector3::Zero(), velocity_first = Vector3::Zero();  // of the first stage
     Vector3 velocity_end = Vector3::Zero();   // that the momentum of the stage gives
-    Vector3 load_moment_W = Vector3::Zero();  // at the pose that it is linearised at
+    Vector3 load_moment_W = Vector3::Zero();  // at the pose that it is linearized at
     bool is_stiff = false;                    // it has the stiffness of loads or of the spring
     // Of such a stage, A V = rhs in PortTwist()'s coordinates: the operator, Y with YᵀY = A⁻¹, the right side.
     Matrix6 A = Matrix6::Zero(), root = Matrix6::Zero();

@@ -230,7 +230,7 @@ LoopClosing ChainRoad<Real>::RecoverMany(const Real* z, std::size_t z_stride, st
   const int tiles = static_cast<int>((states + kTile<Real> - 1) / kTile<Real>);
   constexpr std::size_t kWork = 16384;  // poses: some 50 us
   const int grain = std::max(1, static_cast<int>(kWork / (kTile<Real> * slots())));
-  std::vector<LoopClosing> closings(static_cast<std::size_t>(tiles));
+  std::vector<LoopClosing> tile_results(static_cast<std::size_t>(tiles));
   ParallelFor(0, tiles, grain, [&](int first_tile, int last_tile) {
     const std::size_t width = std::min(kTile<Real>, Padded<Real>(states));
     AlignedVector<Real> y(static_cast<std::size_t>(y_size_) * width, Real(0)), scratch,
@@ -251,7 +251,7 @@ LoopClosing ChainRoad<Real>::RecoverMany(const Real* z, std::size_t z_stride, st
           places[s] = {out[s].row(0) + begin, out[s].stride()};
         else
           places[s] = {between.data() + (s - static_cast<std::size_t>(bodies())) * 12 * width, width};
-      LoopClosing& closing = closings[static_cast<std::size_t>(tile)];
+      LoopClosing& closing = tile_results[static_cast<std::size_t>(tile)];
       open.clear();
       if (loops_.exist()) loops_.Bend(y.data(), width, Padded<Real>(count), scratch);
       for (std::size_t i = 0; one_by_one_.exists() && i < count; i += kBlock<Real>) {
@@ -269,7 +269,7 @@ LoopClosing ChainRoad<Real>::RecoverMany(const Real* z, std::size_t z_stride, st
     }
   });
   LoopClosing all;
-  for (const LoopClosing& closing : closings) {
+  for (const LoopClosing& closing : tile_results) {
     all.one_by_one += closing.one_by_one;
     all.open += closing.open;
     all.corrections = std::max(all.corrections, closing.corrections);
