@@ -24,18 +24,6 @@ void Measure(const internal::CompliantRows& rows, ContactSolverReport& report) {
   report.residual_speed = report.residual * speed;
 }
 
-// At the velocities given; below 0 it closes.
-double NormalSpeed(const ContactConstraint& c, const Eigen::Ref<const VectorX>& velocities) {
-  double w = c.bias[0];
-  const auto add = [&](int port, const Matrix36& J) {
-    if (port < 0) return;
-    for (int k = 0; k < 6; ++k) w += J(0, k) * velocities[port + k];
-  };
-  add(c.port_a, c.J_a);
-  add(c.port_b, c.J_b);
-  return w;
-}
-
 }  // namespace
 
 struct ContactSolver::Workspace {
@@ -57,7 +45,7 @@ bool ContactSolver::Workspace::AddClosingContacts(const std::vector<ContactConst
                                                   const Eigen::Ref<const VectorX>& velocities) {
   bool any = false;
   for (std::size_t i = 0; i < contacts.size(); ++i)
-    if (!is_taken[i] && NormalSpeed(contacts[i], velocities) < 0) is_taken[i] = any = true;
+    if (!is_taken[i] && contacts[i].NormalSpeed(velocities) < 0) is_taken[i] = any = true;
   return any;
 }
 
@@ -114,7 +102,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   // solved. Where they close it the answer is found again with it.
   work.is_taken.resize(contacts.size());
   for (std::size_t i = 0; i < contacts.size(); ++i) {
-    work.is_taken[i] = !contacts[i].waits || !contacts[i].impulse.isZero(0);
+    work.is_taken[i] = !contacts[i].IsDeferred();
     contacts[i].use = 0;
   }
   if (work.start.size() < velocities.size()) work.start.resize(velocities.size());

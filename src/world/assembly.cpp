@@ -38,8 +38,8 @@ void AssembleContact(std::size_t i, const StageAtHand& stage, const StepOptions&
   if (p.restitution > 0 && stage.within && stage.is_backward_euler)
     approaches.rebound[i] = std::max(0.0, -RelativeSpeed(c, rows.start_velocities)(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
-  // did.
-  c.waits = p.gap + h * speed(0) > kClearShare * detection.shapes.PairSize(p);
+  // did. What is open at the pose at hand most likely stays so.
+  c.waits = p.gap + h * speed(0) > 0;
   if (!history.Before(i)) return;
   const ContactRecord& before = *history.Before(i);
   c.waits = c.waits && before.impulse.isZero(0);

@@ -66,9 +66,15 @@ void IslandSolver::Reserve(int num_contacts, int num_limits, int num_blocks, int
   if (scratch.velocities.size() < num_velocities) scratch.velocities.resize(num_velocities);
   borrowed_.reserve(1);
   islands_.reserve(blocks);
+  islands_before_.reserve(blocks);
   block_of_.reserve(static_cast<std::size_t>(num_velocities));
-  for (std::vector<int>* v : {&parent_, &island_of_, &block_order_, &new_offset_}) v->reserve(blocks);
-  contact_order_.reserve(contacts);
+  if (start_velocities_.size() < num_velocities) start_velocities_.resize(num_velocities);
+  start_contacts_.reserve(contacts);
+  start_limits_.reserve(limits);
+  for (std::vector<int>* v :
+       {&parent_, &island_of_, &island_before_, &block_order_, &new_offset_, &unsolved_})
+    v->reserve(blocks);
+  for (std::vector<int>* v : {&contact_order_, &between_}) v->reserve(contacts);
   limit_order_.reserve(limits);
 }
 
@@ -81,47 +87,75 @@ int IslandSolver::IslandOf(int block) {
   return block;
 }
 
-void IslandSolver::FindIslands(const std::vector<VelocityBlock>& blocks,
-                               const std::vector<ContactConstraint>& contacts,
-                               const std::vector<LimitConstraint>& limits, Eigen::Index num_velocities) {
+// The lower number stands for the union, so that islands come in the order of their first blocks. False where both
+// are of one already.
+bool IslandSolver::Join(int block_a, int block_b) {
+  const int a = IslandOf(block_a), b = IslandOf(block_b);
+  parent_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+  return a != b;
+}
+
+void IslandSolver::JoinBlocks(const std::vector<VelocityBlock>& blocks,
+                              const std::vector<ContactConstraint>& contacts, Eigen::Index num_velocities) {
   const int count = static_cast<int>(blocks.size());
   block_of_.assign(static_cast<std::size_t>(num_velocities), -1);
   parent_.resize(blocks.size());
-  new_offset_.resize(blocks.size());
   for (int b = 0; b < count; ++b) {
     const VelocityBlock& block = blocks[static_cast<std::size_t>(b)];
     FORK1S_REQUIRE(block.offset >= 0 && block.offset + block.size <= num_velocities, b);
     std::fill_n(block_of_.begin() + block.offset, block.size, b);
     parent_[static_cast<std::size_t>(b)] = b;
   }
-  auto block_of = [&](int row) { return row < 0 ? -1 : block_of_[static_cast<std::size_t>(row)]; };
-  // The lower number stands for the union, so that islands come in the order of their first blocks.
-  for (const ContactConstraint& c : contacts) {
-    const int a = block_of(c.port_a), b = block_of(c.port_b);
+  between_.clear();
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    const int a = BlockOf(contacts[i].port_a), b = BlockOf(contacts[i].port_b);
     if (a < 0 || b < 0) continue;
-    const int up_a = IslandOf(a), up_b = IslandOf(b);
-    parent_[static_cast<std::size_t>(std::max(up_a, up_b))] = std::min(up_a, up_b);
+    if (contacts[i].IsDeferred())
+      between_.push_back(static_cast<int>(i));
+    else
+      Join(a, b);
   }
+  islands_.clear();
+  island_of_.assign(blocks.size(), -1);
+}
+
+// Islands by the joined blocks. One that had the same blocks before is as solved as it was.
+void IslandSolver::SortIntoIslands(const std::vector<VelocityBlock>& blocks,
+                                   const std::vector<ContactConstraint>& contacts,
+                                   const std::vector<LimitConstraint>& limits) {
+  islands_before_.swap(islands_);
+  island_before_.swap(island_of_);
+  const int count = static_cast<int>(blocks.size());
   island_of_.assign(blocks.size(), -1);
   islands_.clear();
   for (int b = 0; b < count; ++b) {
     const auto root = static_cast<std::size_t>(IslandOf(b));
+    const int before = island_before_[static_cast<std::size_t>(b)];
     if (island_of_[root] < 0) {
       island_of_[root] = static_cast<int>(islands_.size());
-      islands_.emplace_back();
+      islands_.push_back(before < 0 ? Island{} : islands_before_[static_cast<std::size_t>(before)]);
+    } else if (before != island_before_[root]) {
+      islands_[static_cast<std::size_t>(island_of_[root])].is_solved = false;
     }
     island_of_[static_cast<std::size_t>(b)] = island_of_[root];
   }
-  if (islands_.size() <= 1) return;
+  std::erase_if(between_, [&](int i) {
+    const ContactConstraint& c = contacts[static_cast<std::size_t>(i)];
+    return island_of_[static_cast<std::size_t>(BlockOf(c.port_a))] ==
+           island_of_[static_cast<std::size_t>(BlockOf(c.port_b))];
+  });
+  if (islands_.size() <= 1 && islands_before_.empty()) return;  // solved as it stands
   auto island_of = [&](int block) { return block < 0 ? -1 : island_of_[static_cast<std::size_t>(block)]; };
   Sort(count, islands_, &Island::blocks, &Island::num_blocks, block_order_, island_of);
   Sort(static_cast<int>(contacts.size()), islands_, &Island::contacts, &Island::num_contacts, contact_order_,
        [&](int i) {
          const ContactConstraint& c = contacts[static_cast<std::size_t>(i)];
-         return island_of(block_of(c.port_a >= 0 ? c.port_a : c.port_b));
+         const int a = island_of(BlockOf(c.port_a)), b = island_of(BlockOf(c.port_b));
+         return a < 0 ? b : b < 0 || a == b ? a : -1;  // of two islands: of none
        });
   Sort(static_cast<int>(limits.size()), islands_, &Island::limits, &Island::num_limits, limit_order_,
-       [&](int i) { return island_of(block_of(limits[static_cast<std::size_t>(i)].row)); });
+       [&](int i) { return island_of(BlockOf(limits[static_cast<std::size_t>(i)].row)); });
+  new_offset_.resize(blocks.size());
   for (const Island& island : islands_) {
     int next = 0;
     for (int k = 0; k < island.num_blocks; ++k) {
@@ -132,7 +166,49 @@ void IslandSolver::FindIslands(const std::vector<VelocityBlock>& blocks,
   }
 }
 
-void IslandSolver::SolveIsland(const Island& island, const std::vector<VelocityBlock>& blocks,
+// Islands between which these velocities close a contact. False where there is none.
+bool IslandSolver::JoinClosing(const std::vector<ContactConstraint>& contacts, const VectorX& velocities) {
+  bool any = false;
+  for (const int i : between_)
+    if (const ContactConstraint& c = contacts[static_cast<std::size_t>(i)]; c.NormalSpeed(velocities) < 0)
+      any = Join(BlockOf(c.port_a), BlockOf(c.port_b)) || any;
+  return any;
+}
+
+void IslandSolver::RecordStart(const std::vector<ContactConstraint>& contacts,
+                               const std::vector<LimitConstraint>& limits, const VectorX& velocities) {
+  if (start_velocities_.size() < velocities.size()) start_velocities_.resize(velocities.size());
+  start_velocities_.head(velocities.size()) = velocities;
+  start_contacts_.clear();
+  for (const ContactConstraint& c : contacts) start_contacts_.push_back({c.impulse, c.moment});
+  start_limits_.clear();
+  for (const LimitConstraint& l : limits) start_limits_.push_back(l.impulse);
+}
+
+// Of islands that are not solved.
+void IslandSolver::RestoreStart(const std::vector<VelocityBlock>& blocks,
+                                std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
+                                VectorX& velocities) const {
+  for (const Island& island : islands_) {
+    if (island.is_solved) continue;
+    for (int k = island.blocks; k < island.blocks + island.num_blocks; ++k) {
+      const VelocityBlock& b =
+          blocks[static_cast<std::size_t>(block_order_[static_cast<std::size_t>(k)])];
+      velocities.segment(b.offset, b.size) = start_velocities_.segment(b.offset, b.size);
+    }
+    for (int k = island.contacts; k < island.contacts + island.num_contacts; ++k) {
+      const auto i = static_cast<std::size_t>(contact_order_[static_cast<std::size_t>(k)]);
+      contacts[i].impulse = start_contacts_[i].impulse;
+      contacts[i].moment = start_contacts_[i].moment;
+    }
+    for (int k = island.limits; k < island.limits + island.num_limits; ++k) {
+      const auto i = static_cast<std::size_t>(limit_order_[static_cast<std::size_t>(k)]);
+      limits[i].impulse = start_limits_[i];
+    }
+  }
+}
+
+void IslandSolver::SolveIsland(Island& island, const std::vector<VelocityBlock>& blocks,
                                std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
                                VectorX& velocities, const ContactSolverOptions& options,
                                Scratch& scratch) const {
@@ -172,9 +248,9 @@ void IslandSolver::SolveIsland(const Island& island, const std::vector<VelocityB
         limits[static_cast<std::size_t>(limit_order_[static_cast<std::size_t>(island.limits + k)])]);
     l.row = moved(l.row);
   }
-  Merge(scratch.solver.Solve(scratch.blocks, scratch.contacts, scratch.limits, scratch.velocities.head(size),
-                             options),
-        scratch.report);
+  island.report = scratch.solver.Solve(scratch.blocks, scratch.contacts, scratch.limits,
+                                       scratch.velocities.head(size), options);
+  island.is_solved = true;
   each_block(
       [&](int from, int to, int n) { velocities.segment(from, n) = scratch.velocities.segment(to, n); });
   for (int k = 0; k < island.num_contacts; ++k) {
@@ -191,24 +267,27 @@ void IslandSolver::SolveIsland(const Island& island, const std::vector<VelocityB
         scratch.limits[static_cast<std::size_t>(k)].impulse;
 }
 
-ContactSolverReport IslandSolver::Solve(const std::vector<VelocityBlock>& blocks,
-                                        std::vector<ContactConstraint>& contacts,
-                                        std::vector<LimitConstraint>& limits, VectorX& velocities,
-                                        const ContactSolverOptions& options) {
-  FindIslands(blocks, contacts, limits, velocities.size());
-  if (islands_.size() <= 1)
-    return Pool().Borrow()->solver.Solve(blocks, contacts, limits, velocities, options);
-
-  const int count = static_cast<int>(islands_.size());
-  const int ranges =
-      std::clamp(static_cast<int>(contacts.size() + limits.size()) / kContactsPerRange, 1, count);
+// Those that are not solved, side by side.
+void IslandSolver::SolveIslands(const std::vector<VelocityBlock>& blocks,
+                                std::vector<ContactConstraint>& contacts,
+                                std::vector<LimitConstraint>& limits, VectorX& velocities,
+                                const ContactSolverOptions& options) {
+  unsolved_.clear();
+  int rows = 0;
+  for (std::size_t k = 0; k < islands_.size(); ++k) {
+    if (islands_[k].is_solved) continue;
+    unsolved_.push_back(static_cast<int>(k));
+    rows += islands_[k].num_contacts + islands_[k].num_limits;
+  }
+  const int count = static_cast<int>(unsolved_.size());
+  const int ranges = std::clamp(rows / kContactsPerRange, 1, count);
   const ScratchPool<Scratch>::ReturnAll at_end(borrowed_);
   while (static_cast<int>(borrowed_.size()) < ranges) borrowed_.push_back(Pool().Borrow());
   auto work = [&](int range) {
-    Scratch& b = *borrowed_[static_cast<std::size_t>(range)];
-    b.report = ContactSolverReport{};
+    Scratch& scratch = *borrowed_[static_cast<std::size_t>(range)];
     for (int k = range * count / ranges; k < (range + 1) * count / ranges; ++k)
-      SolveIsland(islands_[static_cast<std::size_t>(k)], blocks, contacts, limits, velocities, options, b);
+      SolveIsland(islands_[static_cast<std::size_t>(unsolved_[static_cast<std::size_t>(k)])], blocks,
+                  contacts, limits, velocities, options, scratch);
   };
   if (ranges == 1)
     work(0);
@@ -216,9 +295,26 @@ ContactSolverReport IslandSolver::Solve(const std::vector<VelocityBlock>& blocks
     ParallelFor(0, ranges, 1, [&](int begin, int end) {
       for (int range = begin; range < end; ++range) work(range);
     });
+}
+
+ContactSolverReport IslandSolver::Solve(const std::vector<VelocityBlock>& blocks,
+                                        std::vector<ContactConstraint>& contacts,
+                                        std::vector<LimitConstraint>& limits, VectorX& velocities,
+                                        const ContactSolverOptions& options) {
+  JoinBlocks(blocks, contacts, velocities.size());
+  SortIntoIslands(blocks, contacts, limits);
+  if (islands_.size() <= 1)
+    return Pool().Borrow()->solver.Solve(blocks, contacts, limits, velocities, options);
+  for (const int i : between_) contacts[static_cast<std::size_t>(i)].use = 0;
+  if (!between_.empty()) RecordStart(contacts, limits, velocities);
+  SolveIslands(blocks, contacts, limits, velocities, options);
+  while (JoinClosing(contacts, velocities)) {
+    SortIntoIslands(blocks, contacts, limits);
+    RestoreStart(blocks, contacts, limits, velocities);
+    SolveIslands(blocks, contacts, limits, velocities, options);
+  }
   ContactSolverReport report;
-  for (int range = 0; range < ranges; ++range)
-    Merge(borrowed_[static_cast<std::size_t>(range)]->report, report);
+  for (const Island& island : islands_) Merge(island.report, report);
   return report;
 }
 

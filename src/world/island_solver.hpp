@@ -11,7 +11,8 @@ namespace fork1s {
 /// An island is a set of velocity blocks that contacts join. Solved together, islands would wait for the
 /// slowest of them, be judged beside the largest impulse anywhere, and together pass the size that Newton can
 /// take. Solved apart they do not know of each other, so that a hundred hands hold as one does, and many run
-/// at a time. The same bits for any number of threads.
+/// at a time. Deferred contacts join none: islands that the velocities found would close one between are joined and solved
+/// again. The same bits for any number of threads.
 class IslandSolver {
  public:
   /// Reserves memory so that solves of up to this size, islands of up to `num_together` velocities in them,
@@ -35,6 +36,8 @@ class IslandSolver {
     int blocks = 0, num_blocks = 0;
     int contacts = 0, num_contacts = 0;
     int limits = 0, num_limits = 0;
+    bool is_solved = false;
+    ContactSolverReport report;
   };
   // A solver with the island at hand in numbers of its own.
   struct Scratch {
@@ -43,21 +46,42 @@ class IslandSolver {
     std::vector<ContactConstraint> contacts;
     std::vector<LimitConstraint> limits;
     VectorX velocities;
-    ContactSolverReport report;
   };
   static ScratchPool<Scratch>& Pool();
-  void FindIslands(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
-                   const std::vector<LimitConstraint>& limits, Eigen::Index num_velocities);
+  void JoinBlocks(const std::vector<VelocityBlock>& blocks, const std::vector<ContactConstraint>& contacts,
+                  Eigen::Index num_velocities);
+  void SortIntoIslands(const std::vector<VelocityBlock>& blocks,
+                       const std::vector<ContactConstraint>& contacts,
+                       const std::vector<LimitConstraint>& limits);
+  bool JoinClosing(const std::vector<ContactConstraint>& contacts, const VectorX& velocities);
+  void RecordStart(const std::vector<ContactConstraint>& contacts, const std::vector<LimitConstraint>& limits,
+                   const VectorX& velocities);
+  void RestoreStart(const std::vector<VelocityBlock>& blocks, std::vector<ContactConstraint>& contacts,
+                    std::vector<LimitConstraint>& limits, VectorX& velocities) const;
+  int BlockOf(int row) const { return row < 0 ? -1 : block_of_[static_cast<std::size_t>(row)]; }
   int IslandOf(int block);
-  void SolveIsland(const Island& island, const std::vector<VelocityBlock>& blocks,
+  bool Join(int block_a, int block_b);
+  void SolveIslands(const std::vector<VelocityBlock>& blocks, std::vector<ContactConstraint>& contacts,
+                    std::vector<LimitConstraint>& limits, VectorX& velocities,
+                    const ContactSolverOptions& options);
+  void SolveIsland(Island& island, const std::vector<VelocityBlock>& blocks,
                    std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
                    VectorX& velocities, const ContactSolverOptions& options, Scratch& scratch) const;
 
   std::vector<ScratchPool<Scratch>::Lease> borrowed_;  // within Solve
-  std::vector<Island> islands_;
-  std::vector<int> block_of_;  // velocity row -> block
-  std::vector<int> parent_;    // of a block in the union of blocks
-  std::vector<int> island_of_;
+  std::vector<Island> islands_, islands_before_;
+  std::vector<int> unsolved_;                   // islands
+  std::vector<int> between_;                    // deferred contacts of two islands
+  // Before the solve, where there are any of these.
+  struct ContactStart {
+    Vector3 impulse, moment;
+  };
+  VectorX start_velocities_;
+  std::vector<ContactStart> start_contacts_;
+  std::vector<double> start_limits_;
+  std::vector<int> block_of_;                   // velocity row -> block
+  std::vector<int> parent_;                     // of a block in the union of blocks
+  std::vector<int> island_of_, island_before_;  // per block
   std::vector<int> block_order_, contact_order_, limit_order_;
   std::vector<int> new_offset_;  // block -> first row in its island
 };

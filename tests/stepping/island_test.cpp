@@ -100,6 +100,45 @@ TEST(Islands, OneContactJoinsTwo) {
   EXPECT_EQ(islands.num_islands(), 1);
 }
 
+// Rows of boxes on a plane, each one's contact with the next deferred: those that are pushed at their neighbour by more
+// than the gap join it, in turn where that one then closes the next. The answer is that of all together.
+TEST(Islands, DeferredContacts_AreJoinedWhereTheyClose) {
+  constexpr int kBoxes = 12;
+  for (const double gap : {1e-3, 0.2, 10.0}) {
+    std::vector<Problem> boxes;
+    for (int k = 0; k < kBoxes; ++k) boxes.push_back(testing::BoxOnPlane(1, 0));
+    Problem all = Together(boxes);
+    for (int k = 0; k + 1 < kBoxes; ++k)
+      all.contacts.push_back(
+          testing::TouchAt(6 * k, Vector3(0.1, 0, 0), 6 * (k + 1), Vector3(-0.1, 0, 0), Vector3::UnitX(), 0));
+    for (std::size_t i = all.contacts.size() - (kBoxes - 1); i < all.contacts.size(); ++i)
+      all.contacts[i].bias[0] = gap;
+    all.velocity[6 * 2 + 3] = 1;   // the third box runs at the fourth
+    all.velocity[6 * 7 + 3] = -2;  // and the eighth at the seventh
+    Problem together = all, apart = all;
+    for (std::size_t i = all.contacts.size() - (kBoxes - 1); i < all.contacts.size(); ++i)
+      apart.contacts[i].waits = true;
+    IslandSolver islands;
+    ContactSolverOptions options;
+    options.most_give = 1;
+    ASSERT_TRUE(islands.Solve(together.blocks, together.contacts, together.limits, together.velocity, options)
+                    .converged);
+    EXPECT_EQ(islands.num_islands(), 1);
+    const ContactSolverReport report =
+        islands.Solve(apart.blocks, apart.contacts, apart.limits, apart.velocity, options);
+    EXPECT_TRUE(report.converged);
+    int bearing = 0;
+    for (std::size_t i = 0; i < all.contacts.size(); ++i) {
+      // What four corners of a hard box bear each is told by the least compliance alone.
+      EXPECT_LT((apart.contacts[i].impulse - together.contacts[i].impulse).norm(), 1e-6) << gap << ' ' << i;
+      bearing += apart.contacts[i].impulse[0] > 0;
+    }
+    EXPECT_EQ(report.active, bearing);
+    EXPECT_LT((apart.velocity - together.velocity).norm(), 1e-8) << gap;
+    EXPECT_EQ(islands.num_islands() == kBoxes, gap > 2) << gap;
+  }
+}
+
 // A whole step's result must not depend on what was solved on the same bench before.
 TEST(Islands, HaveNoMemory) {
   const Problem first = Together(RandomProblems(20)), second = Together(RandomProblems(9));

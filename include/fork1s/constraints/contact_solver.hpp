@@ -58,6 +58,15 @@ struct ContactConstraint {
   Vector3 held_moment = Vector3::Zero();
   bool waits = false;  // it is likely to stay open, and takes part only where the others alone would close it
 
+  /// Whether a solve begins without it.
+  bool IsDeferred() const { return waits && impulse.isZero(0); }
+  /// First row of w [m/s] at stacked velocities; below 0 it closes.
+  double NormalSpeed(const Eigen::Ref<const VectorX>& velocities) const {
+    double w = bias[0];
+    if (port_a >= 0) w += J_a.row(0).dot(velocities.segment<6>(port_a));
+    if (port_b >= 0) w += J_b.row(0).dot(velocities.segment<6>(port_b));
+    return w;
+  }
   /// Impulse on the port whose rows are J: the linear part of the rows are the axes.
   Vector6 ImpulseOn(const Matrix36& J) const {
     Vector6 p = J.transpose() * impulse;
