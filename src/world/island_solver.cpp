@@ -187,13 +187,12 @@ void IslandSolver::RecordStart(const std::vector<ContactConstraint>& contacts,
 
 // Of islands that are not solved.
 void IslandSolver::RestoreStart(const std::vector<VelocityBlock>& blocks,
-                                std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
-                                VectorX& velocities) const {
+                                std::vector<ContactConstraint>& contacts,
+                                std::vector<LimitConstraint>& limits, VectorX& velocities) const {
   for (const Island& island : islands_) {
     if (island.is_solved) continue;
     for (int k = island.blocks; k < island.blocks + island.num_blocks; ++k) {
-      const VelocityBlock& b =
-          blocks[static_cast<std::size_t>(block_order_[static_cast<std::size_t>(k)])];
+      const VelocityBlock& b = blocks[static_cast<std::size_t>(block_order_[static_cast<std::size_t>(k)])];
       velocities.segment(b.offset, b.size) = start_velocities_.segment(b.offset, b.size);
     }
     for (int k = island.contacts; k < island.contacts + island.num_contacts; ++k) {

@@ -70,8 +70,8 @@ class IslandSolver {
 
   std::vector<ScratchPool<Scratch>::Lease> borrowed_;  // within Solve
   std::vector<Island> islands_, islands_before_;
-  std::vector<int> unsolved_;                   // islands
-  std::vector<int> between_;                    // deferred contacts of two islands
+  std::vector<int> unsolved_;  // islands
+  std::vector<int> between_;   // deferred contacts of two islands
   // Before the solve, where there are any of these.
   struct ContactStart {
     Vector3 impulse, moment;

@@ -32,7 +32,8 @@ TEST(LastContactProblem, HasTheAnswerOfTheStep) {
     ASSERT_EQ(problem.contacts.size(), world.contacts().size());
     ContactProblem whole = problem;
     VectorX velocity = problem.velocity, at_once = problem.velocity;
-    ASSERT_TRUE(islands.Solve(problem.Blocks(), problem.contacts, problem.limits, velocity, {}).converged) << i;
+    ASSERT_TRUE(islands.Solve(problem.Blocks(), problem.contacts, problem.limits, velocity, {}).converged)
+        << i;
     ASSERT_TRUE(solver.Solve(whole.Blocks(), whole.contacts, whole.limits, at_once).converged) << i;
     const double size = std::max(1e-3, problem.velocity.norm());
     // The solver ends at 1e-10 of what contact changes, island by island or at once.

@@ -70,8 +70,10 @@ dynamics, k of them; N = 2n + k.)")
           "switches", &LinearizedStep::switches,
           "Columns on a switch, where a contact or stop opens, friction begins to slide, or a force meets its "
           "bound: they are the mean of both sides.")
-      .def_ro("difference", &LinearizedStep::difference,
-              "Largest entry in which differences of twice the change differ, before both are extrapolated.")
+      .def_ro(
+          "difference", &LinearizedStep::difference,
+          "Share by which the derivative along a direction through all coordinates and inputs, by two steps of its own, "
+          "differs from that by A and B; nan on a switch.")
       .def(
           "deviation", [](const LinearizedStep& s, Runner& r) { return OwnVector(Deviation(s, r)); },
           nb::arg("simulation"),
@@ -88,7 +90,7 @@ dynamics, k of them; N = 2n + k.)")
       R"(The next step to first order about the present state and controls (`LinearizedStep`), pushes left out.
 
 outputs: names of bodies whose poses are outputs. change: by how much coordinates are moved, rad or shares of a
-length. By central differences of whole steps at two changes, extrapolated, each solved to rounding: 4 N + 4 m + 1
+length. By central differences of whole steps, each solved to rounding: 2 N + 2 m + 3
 steps. The simulation is left bit by bit as it was. Raises UnknownNameError, UsageError, and NumericsError where
 a step is not solved.)",
       nb::sig("def linearize(self, outputs: collections.abc.Sequence[str] = (), *, change: float = 1e-06) -> "

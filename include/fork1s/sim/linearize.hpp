@@ -43,7 +43,8 @@ struct LinearizedStep {
         change;  // what differs from the step that is not moved: "contacts that bear: 4, with changes to both sides 3 and 4"
   };
   std::vector<Switch> switches;
-  /// The largest entry of A and B in which differences of twice the change differ, before both are extrapolated.
+  /// Share by which the derivative along a direction through all coordinates and inputs, by two steps at twice
+  /// the change, differs from that by A and B; not a number where the state stands on a switch.
   double difference = 0;
 
   /// Whether a simulation has as many mechanisms, free bodies and joint coordinates.
@@ -65,7 +66,7 @@ struct LinearizedStep {
   std::vector<Reference> mechanisms, free_bodies;
 };
 
-/// By central differences of whole steps, at two changes and extrapolated: 4 N + 4 m + 1 steps, each solved to rounding.
+/// By central differences of whole steps: 2 N + 2 m + 3 steps, each solved to rounding.
 /// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
 /// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
 /// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01],
