@@ -187,7 +187,8 @@ int Run(const RunArguments& given) {
   if (!json) PrintAssumptions(assumed);
   std::fflush(stdout);  // before what may take minutes
   const Measured measured =
-      Simulate(*simulation, *inputs, *steps, {!args.no_load_factor, args.error}, recorder, recorded);
+      Simulate(*simulation, *inputs, *steps,
+               {!args.no_load_factor, args.error, imported->report.velocity_limits}, recorder, recorded);
   if (recorder && recorded) recorded = recorder->Finish();
 
   Json summary = Summary(*simulation, measured);

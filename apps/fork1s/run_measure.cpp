@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
+#include <utility>
 
 #include "progress.hpp"
 
@@ -120,6 +121,46 @@ void FollowBases(const Simulation& simulation, Measured& out) {
   }
 }
 
+// Joints with a limit of their speed.
+class SpeedWatch {
+ public:
+  SpeedWatch(const Simulation& simulation, const std::map<std::string, double>& limits) {
+    const std::vector<std::string> names = simulation.CoordinateNames();
+    std::size_t next = 0;
+    for (std::size_t m = 0; m < simulation.scene().mechanisms.size(); ++m) {
+      const Mechanism& mechanism = simulation.given_mechanism(static_cast<int>(m));
+      for (int i = 0; i < mechanism.num_coordinates(); ++i, ++next)
+        if (const auto limit = limits.find(names[next]); limit != limits.end())
+          watched_.push_back({static_cast<int>(m), i, limit->first, limit->second, mechanism.Turns(i)});
+    }
+  }
+  void Look(const Simulation& simulation, Measured& out) const {
+    int mechanism = -1;
+    VectorX rates;
+    for (const Watched& w : watched_) {
+      if (std::exchange(mechanism, w.mechanism) != w.mechanism) rates = simulation.JointRates(w.mechanism);
+      const double speed = std::abs(rates(w.coordinate));
+      if (!(speed > w.limit)) continue;
+      Measured::Speeding& most =
+          out.speeding.try_emplace(w.joint, Measured::Speeding{w.limit, 0, w.turns, 0, simulation.time()})
+              .first->second;
+      if (speed > most.speed) {
+        most.speed = speed;
+        most.when = simulation.time();
+      }
+    }
+  }
+
+ private:
+  struct Watched {
+    int mechanism, coordinate;
+    std::string joint;
+    double limit;
+    bool turns;
+  };
+  std::vector<Watched> watched_;
+};
+
 // Numbers that are finite, or were a step ago, and mean nothing.
 std::string Impossible(const Simulation& simulation, double energy) {
   std::string body;
@@ -197,6 +238,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
   Passers passers(simulation);
   PlausibleWatch plausible(simulation);
   out.tally.Begin(simulation);
+  const SpeedWatch speeds(simulation, watches.velocity_limits);
   StartBasePaths(simulation, out);
   for (std::int64_t i = 0; i < steps; ++i) {
     const std::size_t switches = out.switches.size();
@@ -234,6 +276,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.contacts_dropped |= report.contacts_dropped;
     WatchHolds(simulation, out);
     FollowBases(simulation, out);
+    speeds.Look(simulation, out);
     out.tally.Look(simulation);
     out.penetration_max = std::max(out.penetration_max, report.max_penetration);
     const double energy = simulation.Energy();

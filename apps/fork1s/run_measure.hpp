@@ -6,6 +6,7 @@
 #include <fork1s/sim/plausible.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/sim/tally.hpp>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -83,11 +84,19 @@ struct Measured {
     double speed_max = 0;                                     // m/s
   };
   std::vector<BasePath> base_paths;  // of each mechanism's base
+  // Joints that moved faster than their file allows, by name.
+  struct Speeding {
+    double limit = 0, speed = 0;  // rad/s or m/s: the fastest
+    bool turns = true;
+    double when = 0, first = 0;  // s
+  };
+  std::map<std::string, Speeding> speeding;
 };
 
 struct Watches {
   bool load_factor = true;
   bool error = false;
+  std::map<std::string, double> velocity_limits = {};  // as of ImportReport
 };
 
 /// Runs `steps` steps; `recorded` says why the recorder failed, and the run ends there.

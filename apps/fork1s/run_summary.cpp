@@ -162,6 +162,14 @@ Json Summary(const Simulation& simulation, const Measured& m) {
                                    {"unit", s.turns ? "rad" : "m"},
                                    {"beyond_max_s", s.when},
                                    {"first_s", s.first}});
+  out["speed_limits_passed"] = Json::array();
+  for (const auto& [joint, s] : m.speeding)
+    out["speed_limits_passed"].push_back({{"joint", joint},
+                                          {"limit", s.limit},
+                                          {"speed_max", s.speed},
+                                          {"unit", s.turns ? "rad/s" : "m/s"},
+                                          {"speed_max_s", s.when},
+                                          {"first_s", s.first}});
   out["passed_through"] = Json::array();
   for (const Passing& p : m.passed)
     out["passed_through"].push_back({{"body", p.body},
@@ -182,6 +190,18 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   }
   if (stops_passed.size() > kTold)
     warnings.push_back(fmt::format("{} more joints were beyond their stops", stops_passed.size() - kTold));
+  if (!m.speeding.empty()) {
+    const auto by_share = [](const auto& a, const auto& b) {
+      return a.second.speed / a.second.limit < b.second.speed / b.second.limit;
+    };
+    const auto& [joint, s] = *std::max_element(m.speeding.begin(), m.speeding.end(), by_share);
+    warnings.push_back(fmt::format(
+        "joint '{}' moved at {:.3g} {} at {:.4g} s, its file allows {:.3g}{}: no drive here keeps to that by itself",
+        joint, s.speed, s.turns ? "rad/s" : "m/s", s.when, s.limit,
+        m.speeding.size() == 1 ? ""
+                               : fmt::format("; {} more joints passed theirs (speed_limits_passed of --json)",
+                                             m.speeding.size() - 1)));
+  }
   for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
     warnings.push_back(fmt::format(
         "'{}' is no interface body, so it touches nothing: from {:.4g} s on it went into '{}', {:.3g} mm "

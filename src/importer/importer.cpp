@@ -210,6 +210,7 @@ std::optional<Error> ConvertPrepared(Conversion& c, const PreparedModel& prepare
   c.report.format = prepared.is_urdf ? "URDF" : "MJCF";
   c.is_urdf = prepared.is_urdf;
   c.report.notes = prepared.notes;
+  c.report.velocity_limits = prepared.velocity_limits;
   for (const UrdfLoop& loop : prepared.extensions.loops)
     if (loop.kind == UrdfLoop::Kind::kHinge) c.hinges.insert(loop.name);
   for (const std::string& warning : warnings) {

@@ -323,6 +323,8 @@ std::optional<Error> PrepareJoint(UrdfWork& work, const Tree& tree, XMLElement& 
                        "swap them if that is meant",
                        lower, upper)});
   }
+  if (const double most = NumberOf(joint.FirstChildElement("limit"), "velocity"); most > 0 && type != "fixed")
+    work.out.velocity_limits[name] = most;
   // URDF's default axis, said aloud.
   if (joint.FirstChildElement("axis") == nullptr && type != "fixed" && type != "floating") {
     joint.InsertNewChildElement("axis")->SetAttribute("xyz", "1 0 0");

@@ -1,6 +1,7 @@
 // URDF made fit for MuJoCo's reader, which skips, merges or stumbles over part of what URDF allows.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct PreparedUrdf {
   std::vector<ImportNote> notes;
   std::vector<Mimic> mimics;
   UrdfExtensions extensions;
+  std::map<std::string, double> velocity_limits;  // as of ImportReport
 };
 
 /// Errors: kFormat for joint types and shapes that URDF does not have and for damaged meshes, kModel for

@@ -371,8 +371,9 @@ void Fields(A& a, Like<ServoGains, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ImportReport, A>& s) {
-  auto& [format, notes, holds, servos] = s;
+  auto& [format, notes, holds, servos, velocity_limits] = s;
   a("format", format), a("notes", notes), a("holds", holds), a("servos", servos);
+  a("velocity_limits", velocity_limits);
 }
 
 template <class A>

@@ -234,6 +234,30 @@ TEST(RunReport, WhatSlipsIsNamed) {
   EXPECT_NE(Fork1s("run --time 0.5 --push sledge:15,0,0 " + Sledge()).out.find("slipped"), std::string::npos);
 }
 
+// A rod let go level swings through the bottom at sqrt(3 g/l), 5.4 rad/s.
+TEST(RunReport, JointsFasterThanTheirFileAllows_AreTold) {
+  const auto rod = [](const std::string& velocity) {
+    return Write("rod" + velocity + ".urdf",
+                 R"(<robot name="rod"><link name="base"/><link name="rod"><inertial>
+      <origin xyz=".5 0 0"/><mass value="1"/><inertia ixx="1e-6" iyy=".083333" izz=".083333" ixy="0" ixz="0" iyz="0"/>
+      </inertial></link><joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+      <limit lower="-9" upper="9" effort="1" velocity=")" +
+                     velocity + R"("/></joint></robot>)");
+  };
+  const double fastest = std::sqrt(3 * kG);
+  const auto run = Fork1s("run --json --time 1 --dt 0.002 " + rod("5")).Json();
+  ASSERT_EQ(run["speed_limits_passed"].size(), 1u);
+  const auto& passed = run["speed_limits_passed"][0];
+  EXPECT_EQ(passed["joint"], "hinge");
+  EXPECT_EQ(passed["unit"], "rad/s");
+  EXPECT_EQ(passed["limit"], 5);
+  EXPECT_NEAR(passed["speed_max"].get<double>(), fastest, 1e-3 * fastest);
+  EXPECT_LT(passed["first_s"].get<double>(), passed["speed_max_s"].get<double>());
+  EXPECT_NE(run["warnings"].dump().find("joint 'hinge' moved at"), std::string::npos);
+  for (const char* above : {"6", "0"})  // 0: not given
+    EXPECT_TRUE(Fork1s("run --json --time 1 --dt 0.002 " + rod(above)).Json()["speed_limits_passed"].empty());
+}
+
 // A chain of stiff joints of which only the tip is an interface: a push in its middle bends condensed joints.
 TEST(RunReport, JointsBetweenInterfacesKeepTheirStops) {
   std::string open, close;

@@ -82,6 +82,8 @@ std::string UnderstoodUrdf(const std::string& text) {
   if (!loaded) return "refused: " + loaded.error().Text();
   std::string out = WriteScene(loaded->scene).json;
   for (const ImportNote& note : loaded->report.notes) out += "\n" + note.Text();
+  for (const auto& [joint, limit] : loaded->report.velocity_limits)
+    out += "\n" + joint + std::to_string(limit);
   return out;
 }
 
@@ -128,6 +130,7 @@ TEST(UrdfSchema, EveryAttribute_ChangesTheSceneOrHasANote) {
       {"lower=\"-1\"", "lower=\"-1.1\""},
       {"upper=\"2\"", "upper=\"2.1\""},
       {"effort=\"50\"", "effort=\"51\""},
+      {"velocity=\"1\"", "velocity=\"2\""},
       {"damping=\".5\"", "damping=\".6\""},
       {"friction=\".2\"", "friction=\".3\""},
       {"mimic joint=\"shoulder\"", "mimic joint=\"slide\""},
@@ -142,14 +145,12 @@ TEST(UrdfSchema, EveryAttribute_ChangesTheSceneOrHasANote) {
   };
   for (const auto& [from, to] : changes)
     EXPECT_NE(UnderstoodUrdf(Replaced(kSchemaRobot, from, to)), before) << from << " became " << to;
-  // The version of the language, names that nobody looks up, where encoders have their zero, and the speed that a drive
-  // is built for, which no drive of a simulation keeps to by itself.
+  // The version of the language, names that nobody looks up, and where encoders have their zero.
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"version=\"1.0\"", "version=\"1.1\""},
            {"name=\"seen\"", "name=\"drawn\""},
            {"name=\"felt\"", "name=\"touched\""},
            {"name=\"own\"", "name=\"mine\""},
-           {"velocity=\"1\"", "velocity=\"2\""},
            {"rising=\"0\"", "rising=\"1\""},
            {"falling=\"1\"", "falling=\"0\""},
            {"reference_position=\"0\"", "reference_position=\"1\""}})

@@ -48,6 +48,9 @@ struct ImportReport {
   std::vector<ImportNote> notes;
   std::vector<JointHold> holds;
   std::vector<ServoGains> servos;
+  /// `velocity` of <limit> in URDF [rad/s or m/s], by joint, where it is above 0. Nothing keeps to it: `run` tells what
+  /// moved faster.
+  std::map<std::string, double> velocity_limits;
 };
 
 /// Stiffness and damping that hold a joint by proportional-derivative control at its initial displacement.
