@@ -6,6 +6,7 @@
 #include <mujoco/mujoco.h>
 #include <unistd.h>
 
+#include <array>
 #include <filesystem>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/sim/simulation.hpp>
@@ -14,6 +15,11 @@
 #include <string>
 
 namespace fork1s::testing {
+
+inline constexpr double kGravity = 9.81;  // m/s²
+/// Of a whole model, in space.
+inline const std::array<Quaternion, 2> kTurns = {Quaternion::Identity(),
+                                                 Quaternion(0.8, -0.3, 0.4, 0.33).normalized()};
 
 inline ImportedScene MustLoad(const std::string& text) {
   auto loaded = LoadMechanismFromString(text, "test.xml", {});

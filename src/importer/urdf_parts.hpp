@@ -78,4 +78,11 @@ std::optional<Error> PrepareInertia(UrdfWork& work, tinyxml2::XMLElement& link);
 /// Finds the file of a <mesh>, reads it and gives it a name of its own.
 std::optional<MeshFault> PrepareMesh(UrdfWork& work, tinyxml2::XMLElement& mesh);
 
+/// Counts elements and attributes of `e` and below that nothing reads (urdf_unread.cpp), by "<limit> in <joint>" and
+/// "effort= in <limit>". Elements that stand a second time where one is read are counted and taken away.
+void CountUnread(tinyxml2::XMLElement& e, std::map<std::string, int>& unread);
+/// Attributes of `e` beside those.
+void CountUnreadAttributes(const tinyxml2::XMLElement& e, const std::set<std::string>& read,
+                           std::map<std::string, int>& unread);
+
 }  // namespace fork1s::internal

@@ -254,10 +254,8 @@ class Linearizer {
     for (int side = 0; side < 2; ++side)
       if (auto done = step(side == 0 ? change : -change, next[side], reports[side]); !done) return done;
     column = (next[0] - next[1]) / (2 * change);
-    const VectorX bend = next[0] - 2 * out_.c + next[1], weights = change_.cwiseInverse();
-    // In units of the changes: what rounding leaves is no switch.
-    const double bent = bend.cwiseProduct(weights).lpNorm<Eigen::Infinity>(),
-                 moved = (next[0] - next[1]).cwiseProduct(weights).lpNorm<Eigen::Infinity>();
+    // What rounding leaves is no switch.
+    const double bent = Size(next[0] - 2 * out_.c + next[1]), moved = Size(next[0] - next[1]);
     if (bent > kSwitch * std::max(moved, kSwitch))
       out_.switches.push_back({name, bent / std::max(moved, kSwitch), WhatSwitched(reports[0], reports[1])});
     return {};
@@ -267,27 +265,28 @@ class Linearizer {
     return options_.change * std::max(1.0, std::abs(start_.controls(k)));
   }
 
-  // `difference`: along a direction through all coordinates and inputs, by a change that is larger than those of A and B.
+  // `difference`: along the direction in which all coordinates and inputs change, by turns to either side.
   Expected<void> Check() {
     if (!out_.switches.empty()) {
       out_.difference = std::numeric_limits<double>::quiet_NaN();
       return {};
     }
-    constexpr double kLarger = 2;
-    const auto sign = [](Eigen::Index k) { return k % 2 == 0 ? kLarger : -kLarger; };
-    VectorX dx(change_.size()), du(start_.controls.size()), next[2];
-    for (Eigen::Index k = 0; k < dx.size(); ++k) dx(k) = sign(k) * change_(k);
-    for (Eigen::Index k = 0; k < du.size(); ++k) du(k) = sign(k) * ControlChange(k);
+    VectorX dx = change_, du(start_.controls.size()), next[2];
+    for (Eigen::Index k = 0; k < du.size(); ++k) du(k) = ControlChange(k);
+    for (VectorX* d : {&dx, &du})
+      for (Eigen::Index k = 1; k < d->size(); k += 2) (*d)(k) *= -1;
     StepReport report;
-    for (const int side : {0, 1}) {
-      const double way = side == 0 ? 1 : -1;
-      if (auto done = Step(way * dx, start_.controls + way * du, next[side], report); !done) return done;
+    for (int side = 0; side < 2; ++side) {
+      const double sign = side == 0 ? 1 : -1;
+      if (auto done = Step(sign * dx, start_.controls + sign * du, next[side], report); !done) return done;
     }
-    const VectorX told = out_.A * dx + out_.B * du, weights = change_.cwiseInverse();
-    const auto size = [&](const VectorX& x) { return x.cwiseProduct(weights).lpNorm<Eigen::Infinity>(); };
-    out_.difference = size(0.5 * (next[0] - next[1]) - told) / std::max(size(told), kLarger);
+    const VectorX told = out_.A * dx + out_.B * du;
+    out_.difference = Size(0.5 * (next[0] - next[1]) - told) / std::max(Size(told), 1.0);
     return {};
   }
+
+  // In units of the changes.
+  double Size(const VectorX& dx) const { return dx.cwiseQuotient(change_).lpNorm<Eigen::Infinity>(); }
 
   std::string WhatSwitched(const StepReport& plus, const StepReport& minus) const {
     const std::pair<const char*, int (*)(const StepReport&)> counts[] = {

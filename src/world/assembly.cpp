@@ -132,11 +132,8 @@ void Rebound(const Detection& detection, const Approaches& approaches, double h,
   for (std::size_t i = 0; i < detection.points.size(); ++i) {
     if (approaches.rebound[i] == 0) continue;
     ContactConstraint& c = rows.contacts[i];
-    double free_speed = 0;
-    if (c.port_a >= 0) free_speed += c.J_a.row(0).dot(rows.velocities.segment<6>(c.port_a));
-    if (c.port_b >= 0) free_speed += c.J_b.row(0).dot(rows.velocities.segment<6>(c.port_b));
-    const double speed = ReboundSpeed(detection.points[i].restitution, approaches.rebound[i], free_speed,
-                                      detection.points[i].gap, h);
+    const double speed = ReboundSpeed(detection.points[i].restitution, approaches.rebound[i],
+                                      RelativeSpeed(c, rows.velocities)(0), detection.points[i].gap, h);
     if (speed > 0) c.bias[0] = -speed;
   }
 }

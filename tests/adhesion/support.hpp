@@ -8,14 +8,7 @@
 
 namespace fork1s::adhesion_test {
 
-using testing::LoadInMujoco;
-using testing::MujocoModel;
-using testing::MustLoad;
-using testing::MustStart;
-using testing::Place;
-using testing::RunUntil;
-
-inline constexpr double kGravity = 9.81;  // m/s²
+using namespace testing;
 
 /// A plate on a slide along its normal, and a flat box under it. In the frame of the scene the normal is z.
 struct Cup {
@@ -78,7 +71,5 @@ inline Normal NormalForces(const Simulation& simulation) {
 }
 
 inline const std::array<double, 3> kSizes = {0.005, 0.1, 1};  // m
-inline const std::array<Quaternion, 2> kTurns = {Quaternion::Identity(),
-                                                 Quaternion(0.8, -0.3, 0.4, 0.33).normalized()};
 
 }  // namespace fork1s::adhesion_test

@@ -314,6 +314,24 @@ TEST(Linearize, BoxOnAPlane_SticksOrSlides) {
   }
 }
 
+// A box that floats over a plane, whose length is 0.07 m. Changes of 1e-6 one by one lower no corner by more than 0.07 um,
+// all together one of them by 0.3 um: between the two no column has a switch, and the check along them all tells.
+TEST(Linearize, PlaneThatOnlyAllChangesTogetherReach_IsInTheDifference) {
+  const auto over_plane = [](double gap) {
+    Scene scene = BoxOnPlane(0.5);
+    scene.gravity.setZero();
+    scene.free_bodies[0].X_WB.translation().z() += gap;
+    Simulation simulation = StartFrom(scene);
+    return LinearizeOrThrow(simulation);
+  };
+  EXPECT_TRUE(std::isnan(over_plane(0.05e-6).difference));
+  EXPECT_FALSE(over_plane(0.05e-6).switches.empty());
+  EXPECT_TRUE(over_plane(0.15e-6).switches.empty());
+  EXPECT_GT(over_plane(0.15e-6).difference, 0.05);
+  EXPECT_TRUE(over_plane(0.5e-6).switches.empty());
+  EXPECT_LT(over_plane(0.5e-6).difference, 1e-6);
+}
+
 // A box that floats against a plane goes one way and not the other.
 TEST(Linearize, BoxAgainstAPlane_IsNamed) {
   Scene scene = BoxOnPlane(0.5);

@@ -8,14 +8,7 @@
 
 namespace fork1s::switched_equalities_test {
 
-using testing::LoadInMujoco;
-using testing::MujocoModel;
-using testing::MustLoad;
-using testing::MustStart;
-using testing::Place;
-using testing::RunUntil;
-
-inline constexpr double kGravity = 9.81;  // m/s²
+using namespace testing;
 
 /// Of a switched equality, on its second body in the last step [N].
 inline Vector3 Force(const Simulation& simulation, std::size_t closure = 0) {
@@ -64,7 +57,5 @@ struct Arm {
 };
 
 inline const std::array<double, 3> kSizes = {0.01, 1, 20};  // m
-inline const std::array<Quaternion, 2> kTurns = {Quaternion::Identity(),
-                                                 Quaternion(0.8, -0.3, 0.4, 0.33).normalized()};
 
 }  // namespace fork1s::switched_equalities_test

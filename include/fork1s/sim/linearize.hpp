@@ -43,8 +43,8 @@ struct LinearizedStep {
         change;  // what differs from the step that is not moved: "contacts that bear: 4, with changes to both sides 3 and 4"
   };
   std::vector<Switch> switches;
-  /// Share by which the derivative along a direction through all coordinates and inputs, by two steps at twice
-  /// the change, differs from that by A and B; not a number where the state stands on a switch.
+  /// Share by which the derivative along a direction through all coordinates and inputs, by two steps of its
+  /// own, differs from that by A and B; not a number where the state stands on a switch.
   double difference = 0;
 
   /// Whether a simulation has as many mechanisms, free bodies and joint coordinates.
