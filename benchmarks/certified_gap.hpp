@@ -1,4 +1,4 @@
-// The signed distance of two convex shapes with a proof of it, by a road that no collision detector takes.
+// The signed distance of two convex shapes with a proof of it, by a method that no collision detector takes.
 //
 // Let a(n), b(-n) be the points of the two shapes that lie farthest along n and -n, and m(n) = b(-n) - a(n).
 // The gap is

@@ -29,8 +29,8 @@ bool PrintRow(const std::string& path, double seconds) {
     if (!report.finite) return false;
     ++steps;
     if (report.solver.active > 0) iterations.push_back(report.solver.newton_iterations);
-    helped += report.solver.stage == 1;
-    softer += report.solver.stage == 2;
+    helped += report.solver.fallback == 1;
+    softer += report.solver.fallback == 2;
     unconverged += !report.solver.converged;
     most = std::max(most, report.contacts);
     residual_impulse = std::max(residual_impulse, report.solver.residual_impulse);

@@ -28,7 +28,7 @@ struct Tally {
 
   void Add(const ContactSolverReport& report) {
     iterations.push_back(report.newton_iterations);
-    ++stages[static_cast<std::size_t>(report.stage)];
+    ++stages[static_cast<std::size_t>(report.fallback)];
     unsolved += !report.converged;
   }
   int At(double share) {
@@ -59,8 +59,8 @@ void Print(Family family, int count) {
     warm.Add(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity));
     // The law itself, on what the problem gives: no impacts made harder.
     ContactSolverOptions as_given;
-    as_given.most_give = 1;
-    for (ContactConstraint& c : p.contacts) c.give = std::numeric_limits<double>::infinity();
+    as_given.max_relative_regularization = 1;
+    for (ContactConstraint& c : p.contacts) c.max_penetration_speed = std::numeric_limits<double>::infinity();
     p.velocity = start;
     if (solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, as_given).converged)
       law = std::max(law, LawViolation(p, start, p.velocity));

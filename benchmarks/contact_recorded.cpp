@@ -1,5 +1,5 @@
 // Contact problems as scenes pose them, taken out of the run and solved again: cold, warm, and by a second
-// road.
+// method.
 //
 //     build/release/benchmarks/contact_recorded SECONDS EVERY MODEL... > FILE.csv
 //
@@ -41,13 +41,13 @@ Problem ProblemOf(const ContactProblem& given) {
   return p;
 }
 
-// What the solver settles before it solves, said in the problem, so that other roads need not know: contacts
+// What the solver settles before it solves, said in the problem, so that other methods need not know: contacts
 // between the same two ports give alike, as the stiffest of them; what they bore is kept as given, squeeze
 // and all, as of points that slid; and impacts are made no harder.
 void SayPlainly(Problem& p) {
   for (ContactConstraint& a : p.contacts) {
-    a.give = std::numeric_limits<double>::infinity();
-    a.held_use = 2;
+    a.max_penetration_speed = std::numeric_limits<double>::infinity();
+    a.previous_utilization = 2;
     for (const ContactConstraint& b : p.contacts)
       if (a.port_a == b.port_a && a.port_b == b.port_b) {
         a.compliance_normal = std::min(a.compliance_normal, b.compliance_normal);
@@ -93,7 +93,7 @@ void Add(const ContactProblem& given, bool sweep, ContactSolver& solver, Row& ro
   const VectorX by_warm = p.velocity;
   row.warm.push_back(warm.newton_iterations);
   row.warm_unsolved += !warm.converged;
-  row.helped += warm.stage > 0;
+  row.helped += warm.fallback > 0;
 
   Problem c = ProblemOf(given);
   for (ContactConstraint& contact : c.contacts) contact.impulse = contact.moment = Vector3::Zero();
@@ -108,7 +108,8 @@ void Add(const ContactProblem& given, bool sweep, ContactSolver& solver, Row& ro
   Problem plain = ProblemOf(given);
   SayPlainly(plain);
   ContactSolverOptions as_given;
-  as_given.most_give = 1e9;  // quarters of a step through an impact are short, and their springs slack
+  as_given.max_relative_regularization =
+      1e9;  // quarters of a step through an impact are short, and their springs slack
   if (!solver.Solve(plain.blocks, plain.contacts, plain.limits, plain.velocity, as_given).converged) return;
   row.law = std::max(row.law, LawViolation(plain, start, plain.velocity));
   const bool moments = std::any_of(plain.contacts.begin(), plain.contacts.end(),

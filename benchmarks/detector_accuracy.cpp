@@ -4,7 +4,7 @@
 //     build/release/benchmarks/detector_accuracy [--poses N] [--single] [PAIR...]       PAIR: box-mesh, ...
 //
 // 10,000 poses a pair and set, some ten minutes for all; with names only the rows of these are measured and
-// written anew. With --poses or --single (one point a pair) it prints the tables and writes nothing. Two
+// written again. With --poses or --single (one point a pair) it prints the tables and writes nothing. Two
 // sets: `random` orientations, and `resting` ones, whose axes are parallel but for a tilt of 1e-10 to 1e-2
 // rad, as of things that lie on each other. Gaps lie between -4 mm and the margin of 30 mm. The truth: closed
 // forms, else certified bounds (certified_gap.hpp).

@@ -1,11 +1,11 @@
-// What it costs to take a model anew about the present pose, and how far a step that does so stands out.
+// What it costs to take a model again about the present pose, and how far a step that does so stands out.
 //
 //     build/release/benchmarks/refresh_cost MODEL [CONTROLS.csv|- [SECONDS [TIMES]]]
 //
 // Runs the scene on one thread and, twenty times on the way, moves every mechanism's reference to its pose
 // TIMES times, putting back what it was. Prints one CSV row: `refresh_us` is the median of those, of all
 // mechanisms together; `step_us` is the median of the run's own steps, `refreshing_us` and
-// `worst_refreshing_us` are of those that took a model anew, and `worst_us` is of all but the first second.
+// `worst_refreshing_us` are of those that took a model again, and `worst_us` is of all but the first second.
 // `counted` is how many refreshes of one mechanism were asked for beside the run's own;
 // tools/refresh_instructions.sh divides by it.
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// Writes docs/validation.md: known answers and the oracle's cases, each number by several roads.
+// Writes docs/validation.md: known answers and the oracle's cases, each number by several methods.
 //
 //     build/release/benchmarks/validation [--oracle DIR] [--out docs/validation.md]
 //
@@ -96,7 +96,7 @@ int WriteKnownAnswers(std::string& page) {
     page +=
         ".\n\n| quantity | unit | expected | reduced | full | deviation | tolerance |\n"
         "|---|---|---|---|---|---|---|\n";
-    // Rows of one quantity follow each other, one a road.
+    // Rows of one quantity follow each other, one a method.
     for (std::size_t i = 0; i < rows->size();) {
       const KnownAnswer& first = (*rows)[i];
       std::map<std::string, std::string> measured{{"reduced", "–"}, {"full", "–"}};
@@ -104,13 +104,13 @@ int WriteKnownAnswers(std::string& page) {
       bool holds = true;
       for (; i < rows->size() && (*rows)[i].quantity == first.quantity; ++i) {
         const KnownAnswer& row = (*rows)[i];
-        measured[row.road] = Number(row.measured);
+        measured[row.method] = Number(row.measured);
         deviation = std::max(deviation, std::abs(row.measured - row.expected));
         if (!row.Holds()) {
           ++missed;
           holds = false;
           std::fprintf(stderr, "validation: missed: %s, %s, %s: %.9g instead of %.9g\n", c.name,
-                       row.quantity.c_str(), row.road.c_str(), row.measured, row.expected);
+                       row.quantity.c_str(), row.method.c_str(), row.measured, row.expected);
         }
       }
       page += fmt::format(

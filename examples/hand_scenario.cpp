@@ -97,8 +97,8 @@ Vector3 ContactForce(const Simulation& simulation, double& thumb) {
   thumb = 0;
   const World& world = simulation.world();
   for (const ContactRecord& c : world.contacts()) {
-    const std::string& a = world.contactors()[static_cast<std::size_t>(c.point.body_a)].name;
-    const std::string& b = world.contactors()[static_cast<std::size_t>(c.point.body_b)].name;
+    const std::string& a = world.collision_bodies()[static_cast<std::size_t>(c.point.body_a)].name;
+    const std::string& b = world.collision_bodies()[static_cast<std::size_t>(c.point.body_b)].name;
     if (a != "box" && b != "box") continue;
     const Vector3 on_b = c.point.frame.transpose() * c.impulse / simulation.dt();
     sum += b == "box" ? on_b : Vector3(-on_b);

@@ -1,7 +1,7 @@
 #include "standing_pose.hpp"
 #include "linalg/null_space.hpp"
 #include "linalg/solve.hpp"
-#include "mechanism/one_unit.hpp"
+#include "mechanism/coordinate_scaling.hpp"
 
 #include <cmath>
 #include <fork1s/mechanism/kinematics.hpp>
@@ -78,9 +78,9 @@ VectorX Weight(const Mechanism& mechanism, const Kinematics& kinematics, const s
 
 // Motions that the loops allow, as columns.
 MatrixX FreeMotions(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
-  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  const CoordinateScaling unit = ComputeCoordinateScaling(mechanism, kinematics);
   return unit.coordinate.asDiagonal() *
-         ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit)).unseen;
+         ComputeNullSpace(ScaledClosureRows(mechanism, kinematics, q, unit)).unseen;
 }
 
 }  // namespace

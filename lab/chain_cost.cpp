@@ -13,7 +13,7 @@
 #include "base/percentile.hpp"
 #include "chains.hpp"
 #include "parallel/parallel_for.hpp"
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 #include "study/figure.hpp"
 
 namespace fork1s {

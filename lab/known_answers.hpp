@@ -1,6 +1,6 @@
 // Mechanisms and contacts whose answer is known: a closed form or a published benchmark.
 //
-// Each quantity is reached by two roads, the reduced simulator and the full-coordinate one. Where implicit
+// Each quantity is reached by two methods, the reduced simulator and the full-coordinate one. Where implicit
 // Euler at one step size cannot reach the digits that are known, runs at h, h/2, h/4, ... are extrapolated to
 // h = 0 and the row says so.
 #pragma once
@@ -12,10 +12,10 @@
 
 namespace fork1s {
 
-/// One number by one road.
+/// One number by one method.
 struct KnownAnswer {
   std::string case_name, quantity, unit;
-  std::string road;  // "reduced" or "full"
+  std::string method;  // "reduced" or "full"
   double expected = 0, measured = 0;
   double tolerance = 0;  // of |measured - expected|, in the same unit
   std::string why_tolerance, source;

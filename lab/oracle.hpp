@@ -1,4 +1,4 @@
-// Cases with expected numbers beside the sources, each by three roads: the reduced model, the full-coordinate
+// Cases with expected numbers beside the sources, each by three methods: the reduced model, the full-coordinate
 // simulator and MuJoCo.
 //
 // A case is NAME.xml, a model, and NAME.json, its numbers at the reference pose (keys: compliance_world,
@@ -12,9 +12,9 @@
 
 namespace fork1s {
 
-/// How far one road is from the oracle, as a share of the largest number compared.
+/// How far one method is from the oracle, as a share of the largest number compared.
 struct OracleDeviation {
-  std::optional<double> value;  // none: this road cannot compute the quantity
+  std::optional<double> value;  // none: this method cannot compute the quantity
   std::string why_not;
 };
 

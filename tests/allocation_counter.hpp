@@ -18,7 +18,7 @@ inline constexpr bool kCountsAllocations = false;
 }  // namespace fork1s::testing
 
 #if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-// Every road to the heap ends here, that of Eigen, MuJoCo and operator new.
+// Every method to the heap ends here, that of Eigen, MuJoCo and operator new.
 extern "C" void* __libc_malloc(std::size_t size);
 extern "C" void* malloc(std::size_t size) noexcept {
   fork1s::testing::allocations.fetch_add(1, std::memory_order_relaxed);

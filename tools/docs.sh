@@ -3,7 +3,7 @@
 # navigation has forgotten, notebooks of which a cell fails, and searches of the site that do not find what they should.
 #
 #     tools/docs.sh [--from BUILD]      BUILD has the Python package; default: build/release
-#     tools/docs.sh --serve             on this machine, anew whenever a page is saved
+#     tools/docs.sh --serve             on this machine, again whenever a page is saved
 set -euo pipefail
 cd "$(dirname "$0")/.."
 build=build/release serve=""
@@ -17,7 +17,7 @@ if [ ! -f "$package/fork1s/_core.pyi" ]; then
   exit 1
 fi
 work=build/docs
-# Tools stay, as they are pinned; a change of their versions makes them anew.
+# Tools stay, as they are pinned; a change of their versions makes them again.
 if ! cmp -s tools/docs.txt "$work/tools.txt" || [ ! -x "$work/tools/bin/python" ]; then
   echo "docs: installing its tools into $work/tools"
   rm -rf "$work"

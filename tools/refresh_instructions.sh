@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# How many instructions it takes to reduce a mechanism anew about its present pose, counted by valgrind: the same number
+# How many instructions it takes to reduce a mechanism again about its present pose, counted by valgrind: the same number
 # on any machine, however busy, of the same instruction set. Of all refreshes in the first second, twenty of which are
 # asked for on the way.
 #

@@ -66,7 +66,7 @@ def main() -> int:
         if new == text:
             return 0
         print(
-            "docs/architecture.md: the table of rooms is old; write it anew by: tools/rooms.py",
+            "docs/architecture.md: the table of rooms is old; write it again by: tools/rooms.py",
             file=sys.stderr,
         )
         return 1

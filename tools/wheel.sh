@@ -23,7 +23,7 @@ fi
 work=build/wheel
 mkdir -p "$work"
 
-# Tools stay, as they are pinned; a change of their versions makes them anew.
+# Tools stay, as they are pinned; a change of their versions makes them again.
 if ! cmp -s tools/wheel.txt "$work/tools.txt" || [ ! -x "$work/tools/bin/python" ]; then
   echo "wheel: installing its tools into $work/tools"
   rm -rf "$work/tools"

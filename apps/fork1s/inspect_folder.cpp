@@ -87,7 +87,7 @@ void Simulate(const ImportedScene& imported, double time, Json& row) {
   row["step_us_median"] = spent.empty() ? 0 : spent[spent.size() / 2];
 }
 
-Json Look(const ModelArguments& arguments, double time) {
+Json Summarize(const ModelArguments& arguments, double time) {
   Json row;
   const auto imported = arguments.Load();
   row["opens"] = static_cast<bool>(imported);
@@ -120,16 +120,16 @@ Json Look(const ModelArguments& arguments, double time) {
 // One file in a process of its own, so that a file that brings its reader down costs one row of the table.
 Json LookApart(const ModelArguments& arguments, double time) {
   int ends[2];
-  if (pipe(ends) != 0) return Look(arguments, time);
+  if (pipe(ends) != 0) return Summarize(arguments, time);
   std::fflush(nullptr);
   const pid_t child = fork();
   if (child < 0) {
     close(ends[0]), close(ends[1]);
-    return Look(arguments, time);
+    return Summarize(arguments, time);
   }
   if (child == 0) {
     close(ends[0]);
-    const std::string text = ToText(Look(arguments, time));
+    const std::string text = ToText(Summarize(arguments, time));
     for (std::size_t at = 0; at < text.size();) {
       const ssize_t wrote = write(ends[1], text.data() + at, text.size() - at);
       if (wrote <= 0) break;

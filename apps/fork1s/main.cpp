@@ -121,7 +121,7 @@ int main(int argc, char** argv) {
   using namespace fork1s::app;
   HoldStandardStreams();
   std::set_terminate(EndWithSentence);
-  fork1s::LeaveHdf5AsItIsAtExit();
+  fork1s::DisableHdf5Cleanup();
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is told as a full disk is
   std::signal(SIGCHLD,
               SIG_DFL);  // whoever starts the program may ignore it, and then no child's end is known

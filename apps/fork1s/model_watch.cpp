@@ -15,14 +15,14 @@ std::optional<FileStamp> StampOf(const std::string& path) {
 }
 
 ModelWatch::ModelWatch(std::string path, std::optional<FileStamp> seen, Load load)
-    : path_(std::move(path)), load_(std::move(load)), seen_(seen), thread_([this] { Look(); }) {}
+    : path_(std::move(path)), load_(std::move(load)), seen_(seen), thread_([this] { Watch(); }) {}
 
 ModelWatch::~ModelWatch() {
   stop_ = true;
   thread_.join();
 }
 
-void ModelWatch::Look() {
+void ModelWatch::Watch() {
   constexpr int kLooks = 10;    // short sleeps between two looks, so that ending never waits long
   constexpr int kPatience = 4;  // looks without a file: editors take it away for a moment
   std::optional<FileStamp> before = seen_;
@@ -54,7 +54,7 @@ void ModelWatch::Offer(Expected<LiveSimulation> loaded) {
   loaded_.emplace(std::move(loaded));
 }
 
-std::optional<Expected<LiveSimulation>> ModelWatch::Take() {
+std::optional<Expected<LiveSimulation>> ModelWatch::Pop() {
   const std::lock_guard<std::mutex> lock(mutex_);
   std::optional<Expected<LiveSimulation>> taken = std::move(loaded_);
   loaded_.reset();

@@ -22,7 +22,7 @@ struct FileStamp {
 /// None while there is no such file: editors replace files by removing them first.
 std::optional<FileStamp> StampOf(const std::string& path);
 
-/// Looks at a file twice a second and loads it anew once a change has settled, on a thread of its own:
+/// Looks at a file twice a second and loads it again once a change has settled, on a thread of its own:
 /// reading a model with meshes takes longer than a frame. Files that it includes are not looked at.
 class ModelWatch {
  public:
@@ -35,10 +35,10 @@ class ModelWatch {
   ModelWatch& operator=(const ModelWatch&) = delete;
 
   /// What the newest change led to, once; an error also where the file went.
-  std::optional<Expected<LiveSimulation>> Take();
+  std::optional<Expected<LiveSimulation>> Pop();
 
  private:
-  void Look();
+  void Watch();
   void Offer(Expected<LiveSimulation> loaded);
 
   const std::string path_;

@@ -85,7 +85,7 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
     for (const NamedPoint& point : points) held_bodies.push_back(m.FindBody(point.body));
   const auto locked = CoordinatesToLock(m, posed.q, held_bodies, on_free);
   const std::vector<int> held = locked.value_or(std::vector<int>{});
-  // By two roads, which share no decision; where they part the figure is not to be trusted.
+  // By two methods, which share no decision; where they part the figure is not to be trusted.
   const InterfaceCompliance compliance = WalkCompliance(m, posed.q, model.interfaces, held);
   const double apart =
       ComplianceDifference(compliance, DenseCompliance(m, posed.q, model.interfaces, held), m.length_scale());

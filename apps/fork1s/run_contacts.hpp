@@ -1,7 +1,7 @@
 // What a run says of its contacts, by pair of bodies.
 #pragma once
 
-#include <fork1s/sim/tally.hpp>
+#include <fork1s/sim/run_statistics.hpp>
 #include <vector>
 
 #include "output.hpp"

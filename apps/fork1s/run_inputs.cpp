@@ -74,7 +74,7 @@ Expected<RunInputs> ReadInputs(const InputArguments& args) {
   if (!args.controls.empty()) {
     auto read = ReadControls(args.controls);
     if (!read) return tl::unexpected(read.error());
-    auto pushes = PushTrack::TakeFrom(*read, args.controls);
+    auto pushes = PushTrack::ExtractFrom(*read, args.controls);
     if (!pushes) return tl::unexpected(pushes.error());
     inputs.controls = std::move(*read);
     inputs.pushes.push_back(std::move(*pushes));

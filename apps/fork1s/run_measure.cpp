@@ -21,52 +21,52 @@ void Switch(const FidelityTrack& track, std::size_t& next, Simulation& simulatio
     if (auto set = simulation.SetFidelity(done.fidelity); !set)
       done.refused = set.error().Text();
     else if (out.error)
-      out.error->BeginAnew("where the detail changed");
+      out.error->Restart("where the detail changed");
     done.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     out.switches.push_back(std::move(done));
   }
 }
 
 void WatchHolds(const Simulation& simulation, Measured& out) {
-  for (const HoldForce& f : simulation.HoldForces()) {
+  for (const FrozenContactForce& f : simulation.FrozenContactForces()) {
     out.held = true;
     out.hold_use_max = std::max(out.hold_use_max, f.use);
   }
 }
 
-// Watches bodies that are no interface; anew where the detail changed.
+// Watches bodies that are no interface; again where the detail changed.
 class Passers {
  public:
   explicit Passers(const Simulation& simulation) { Watch(simulation); }
-  void Look(const Simulation& simulation, std::size_t switches, Measured& out) {
+  void Update(const Simulation& simulation, std::size_t switches, Measured& out) {
     if (switches != switches_) {
-      Keep(out);
+      Record(out);
       Watch(simulation);
       switches_ = switches;
     }
-    if (watch_) watch_->Look(simulation);
+    if (watch_) watch_->Update(simulation);
   }
-  void Keep(Measured& out) const {
+  void Record(Measured& out) const {
     if (!watch_) return;
-    for (Passing& p : watch_->Found()) out.passed.push_back(std::move(p));
+    for (Interpenetration& p : watch_->Found()) out.passed.push_back(std::move(p));
   }
 
  private:
   void Watch(const Simulation& simulation) {
-    auto watch = PassingWatch::Create(simulation);
+    auto watch = InterpenetrationMonitor::Create(simulation);
     if (watch)
       watch_.emplace(std::move(*watch));
     else
       watch_.reset();
   }
-  std::optional<PassingWatch> watch_;
+  std::optional<InterpenetrationMonitor> watch_;
   std::size_t switches_ = 0;
 };
 
 // Looks at the grasp now and then: it costs more than a step.
 class LoadWatch {
  public:
-  void Look(const Simulation& simulation, Measured& out) {
+  void Update(const Simulation& simulation, Measured& out) {
     if (simulation.steps() % 10 != 0) return;
     const LoadFactor now = ComputeLoadFactor(simulation);
     // An impact loads a contact for a single step: of two looks in a row the gentler one counts.
@@ -75,13 +75,13 @@ class LoadWatch {
       out.load_min = held;
       out.load_min_time = simulation.time();
     }
-    Keep(simulation.time(), held, out.loads);
+    Record(simulation.time(), held, out.loads);
     before_ = now;
   }
 
  private:
   // A long run keeps the smaller one of two neighbours, again and again, so that its course stays readable.
-  void Keep(double time, const LoadFactor& load, std::vector<Measured::Load>& loads) {
+  void Record(double time, const LoadFactor& load, std::vector<Measured::Load>& loads) {
     if (!std::isfinite(load.factor)) return;
     if (in_last_ > 0 && in_last_ < stride_) {
       if (load.factor < loads.back().load.factor) loads.back() = {time, load};
@@ -134,7 +134,7 @@ class SpeedWatch {
           watched_.push_back({static_cast<int>(m), i, limit->first, limit->second, mechanism.Turns(i)});
     }
   }
-  void Look(const Simulation& simulation, Measured& out) const {
+  void Update(const Simulation& simulation, Measured& out) const {
     int mechanism = -1;
     VectorX rates;
     for (const Watched& w : watched_) {
@@ -185,7 +185,7 @@ void Note(const ContactSolverReport& report, double h, Measured::Solver& out) {
   ++out.solves;
   out.iterations += report.newton_iterations;
   out.iterations_max = std::max(out.iterations_max, report.newton_iterations);
-  out.helped += report.stage > 0 ? 1 : 0;
+  out.helped += report.fallback > 0 ? 1 : 0;
   out.active_max = std::max(out.active_max, report.active);
   out.sliding_max = std::max(out.sliding_max, report.sliding);
   out.force_max = std::max(out.force_max, report.residual_impulse / h);
@@ -236,8 +236,8 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
   std::size_t next_detail = 0;
   if (watches.error) out.error.emplace();
   Passers passers(simulation);
-  PlausibleWatch plausible(simulation);
-  out.tally.Begin(simulation);
+  SanityMonitor plausible(simulation);
+  out.statistics.Begin(simulation);
   const SpeedWatch speeds(simulation, watches.velocity_limits);
   StartBasePaths(simulation, out);
   for (std::int64_t i = 0; i < steps; ++i) {
@@ -245,7 +245,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     Switch(inputs.detail, next_detail, simulation, out);
     if (out.switches.size() != switches) {
       plausible.Changed(simulation);
-      out.tally.Begin(simulation);
+      out.statistics.Begin(simulation);
     }
     const double end = static_cast<double>(i + 1) * simulation.dt();
     inputs.controls.Apply(end, simulation);
@@ -276,24 +276,24 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.contacts_dropped |= report.contacts_dropped;
     WatchHolds(simulation, out);
     FollowBases(simulation, out);
-    speeds.Look(simulation, out);
-    out.tally.Look(simulation);
+    speeds.Update(simulation, out);
+    out.statistics.Update(simulation);
     out.penetration_max = std::max(out.penetration_max, report.max_penetration);
     const double energy = simulation.Energy();
     out.energy_increase = std::max(out.energy_increase, energy - out.energy_last);
     out.energy_last = energy;
     const double gap = simulation.JointGap();
     out.gap_max = std::max(out.gap_max, gap);
-    plausible.Look(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(), report.IsSolved(),
-                                report.stages_converged ? 0 : report.stage_residual});
-    if (watches.load_factor) watch.Look(simulation, out);
-    passers.Look(simulation, out.switches.size(), out);
+    plausible.Update(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(),
+                                  report.IsSolved(), report.stages_converged ? 0 : report.stage_residual});
+    if (watches.load_factor) watch.Update(simulation, out);
+    passers.Update(simulation, out.switches.size(), out);
     if (recorder)
       if (recorded = recorder->Append(simulation, report, applied); !recorded) break;
     if (out.impossible = Impossible(simulation, energy); !out.impossible.empty()) break;
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
   }
-  passers.Keep(out);
+  passers.Record(out);
   out.implausible = plausible.Sentences();
   return out;
 }

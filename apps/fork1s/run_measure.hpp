@@ -3,16 +3,16 @@
 
 #include <fork1s/record/recording.hpp>
 #include <fork1s/sim/load_factor.hpp>
-#include <fork1s/sim/plausible.hpp>
 #include <fork1s/sim/push.hpp>
-#include <fork1s/sim/tally.hpp>
+#include <fork1s/sim/run_statistics.hpp>
+#include <fork1s/sim/sanity_monitor.hpp>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "sim/error_figure.hpp"
-#include "sim/passing.hpp"
+#include "sim/interpenetration.hpp"
 
 namespace fork1s::app {
 
@@ -65,7 +65,7 @@ struct Measured {
     LoadFactor load;
   };
   std::vector<Load> loads;  // over time, see LoadWatch
-  RunTally tally;
+  RunStatistics statistics;
   struct Switch {
     double time = 0;  // s
     Fidelity fidelity;
@@ -74,10 +74,10 @@ struct Measured {
   };
   std::vector<Switch> switches;
   std::optional<internal::ErrorFigure> error;
-  std::vector<std::string> implausible;  // sentences of PlausibleWatch
-  std::vector<Passing> passed;           // bodies that touch nothing, and went into something
+  std::vector<std::string> implausible;  // sentences of SanityMonitor
+  std::vector<Interpenetration> passed;  // bodies that touch nothing, and went into something
   bool held = false;                     // contacts were frozen in some step
-  double hold_use_max = 0;               // see HoldForce
+  double hold_use_max = 0;               // see FrozenContactForce
   struct BasePath {
     Vector3 start = Vector3::Zero(), last = Vector3::Zero();  // m, of the origin
     double length = 0;                                        // m

@@ -80,7 +80,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   out["energy_J"] = {{"first", m.energy_first},
                      {"last", m.energy_last},
                      {"max_increase", m.energy_increase},
-                     {"friction_loss", m.tally.FrictionLoss()}};
+                     {"friction_loss", m.statistics.FrictionLoss()}};
   out["interface"] = Json::array();
   out["free_bodies"] = Json::array();
   for (std::size_t i = 0; i < simulation.bodies().size(); ++i) {
@@ -93,8 +93,8 @@ Json Summary(const Simulation& simulation, const Measured& m) {
          {"quaternion_wxyz", ToJson(X.quaternion())}});
   }
   out["bases"] = BasesJson(simulation, m);
-  out["contacts"] = ContactsJson(simulation, m.tally.Pairs());
-  out["friction_use"] = FrictionUseJson(simulation, m.tally.BodyFrictions());
+  out["contacts"] = ContactsJson(simulation, m.statistics.Pairs());
+  out["friction_use"] = FrictionUseJson(simulation, m.statistics.BodyFrictions());
   out["joint_gap_max_m"] = m.gap_max;
   out["penetration_max_m"] = m.penetration_max;
   const bool has_load = std::isfinite(m.load_min.factor);
@@ -151,10 +151,10 @@ Json Summary(const Simulation& simulation, const Measured& m) {
         {"of", or_null(total.of)}};
   }
   out["servos_at_limit"] = {
-      {"steps", m.steps_at_bound}, {"most", m.most_at_bound}, {"which", EndsJson(m.tally.Servos())}};
-  out["stops_reached"] = EndsJson(m.tally.Stops());
+      {"steps", m.steps_at_bound}, {"most", m.most_at_bound}, {"which", EndsJson(m.statistics.Servos())}};
+  out["stops_reached"] = EndsJson(m.statistics.Stops());
   out["stops_passed"] = Json::array();
-  const std::vector<StopPassed> stops_passed = m.tally.PassedStops();
+  const std::vector<StopPassed> stops_passed = m.statistics.PassedStops();
   for (const StopPassed& s : stops_passed)
     out["stops_passed"].push_back({{"name", s.name},
                                    {"end", s.upper ? "upper" : "lower"},
@@ -171,7 +171,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
                                           {"speed_max_s", s.when},
                                           {"first_s", s.first}});
   out["passed_through"] = Json::array();
-  for (const Passing& p : m.passed)
+  for (const Interpenetration& p : m.passed)
     out["passed_through"].push_back({{"body", p.body},
                                      {"other", p.other},
                                      {"first_s", p.first},

@@ -162,7 +162,7 @@ struct Frames {
   std::atomic<int> count{0}, total{0};
   std::atomic<bool> done{false}, failed{false};
 
-  bool Take(const std::string& path, const std::string& body) {
+  bool Store(const std::string& path, const std::string& body) {
     if (path == "/done") return done = true;
     if (path == "/total") return total = std::atoi(body.substr(0, 9).c_str()), true;
     int number = 0;
@@ -182,7 +182,7 @@ Expected<void> Draw(std::string_view page, const std::string& chromium, const st
   serve.port = 0;
   serve.page = page;
   serve.take_file = [&frames](const std::string& path, const std::string& body) {
-    return frames.Take(path, body);
+    return frames.Store(path, body);
   };
   auto server = LiveServer::Create(serve);
   if (!server) return tl::unexpected(server.error());
@@ -285,7 +285,7 @@ Expected<int> RenderVideo(std::string_view page, const std::string& out, const V
   if (code != 0)
     return Fail(ErrorCode::kFile, out,
                 fmt::format("was not written: ffmpeg ended with code {}; check the folder", code));
-  if (auto kept = output->Keep(); !kept) return tl::unexpected(kept.error());
+  if (auto kept = output->Commit(); !kept) return tl::unexpected(kept.error());
   return frames.count.load();
 }
 

@@ -101,7 +101,7 @@ Expected<LiveSimulation> Prepare(const ViewArguments& args, const std::atomic<bo
 }
 
 // The model goes on as it was while its file cannot be used, and the pages say why.
-void TakeChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
+void UseChangedFile(Expected<LiveSimulation> loaded, LiveSimulation& live) {
   if (loaded)
     live.Replace(std::move(*loaded));
   else
@@ -114,7 +114,7 @@ void Loop(LiveSimulation& live, LiveServer& server, ModelWatch* watch, double ti
   const auto start = Clock::now();
   RunLive(live, server, [&] {
     if (watch)
-      if (auto loaded = watch->Take()) TakeChangedFile(std::move(*loaded), live);
+      if (auto loaded = watch->Pop()) UseChangedFile(std::move(*loaded), live);
     return !stop_requested && !(time > 0 && Clock::now() - start > std::chrono::duration<double>(time));
   });
 }

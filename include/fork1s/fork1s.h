@@ -111,7 +111,7 @@ typedef struct fork1s_report {
   int32_t forces_at_bound; /* servos and motors that gave all they can in the last step */
   int32_t unconverged;     /* steps whose contacts or stages were not solved to tolerance */
   int32_t halved;    /* steps that were taken in parts, for an impact or a stage that did not converge */
-  int32_t refreshes; /* linearizations made anew */
+  int32_t refreshes; /* linearizations made again */
   int32_t failed_refreshes; /* and those that could not be */
   int32_t contacts_dropped; /* 1: a step met more contacts than the collision detector has room for */
   int32_t finite;           /* 0: a step was undone; the state is that before it */
@@ -203,7 +203,7 @@ fork1s_status fork1s_simulation_joint_positions(const fork1s_simulation* simulat
 fork1s_status fork1s_simulation_joint_velocities(const fork1s_simulation* simulation, double* velocities,
                                                  size_t length);
 /* Goes on from another state; NULL with length 0: these stay. Loops that positions leave open are closed by the smallest
- * change. Controls stay; those of a driven base count from its new pose. Contacts are found anew and the time goes on.
+ * change. Controls stay; those of a driven base count from its new pose. Contacts are found again and the time goes on.
  * Takes milliseconds. */
 fork1s_status fork1s_simulation_set_joint_state(fork1s_simulation* simulation, const double* positions,
                                                 size_t num_positions, const double* velocities,

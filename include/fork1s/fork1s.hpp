@@ -18,12 +18,12 @@
 #include <fork1s/reduction/free_motion.hpp>
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/reduction/statics.hpp>
-#include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/control_move.hpp>
-#include <fork1s/sim/draw.hpp>
 #include <fork1s/sim/linearize.hpp>
 #include <fork1s/sim/load_factor.hpp>
+#include <fork1s/sim/queries.hpp>
+#include <fork1s/sim/randomisation.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <fork1s/spatial/twist.hpp>

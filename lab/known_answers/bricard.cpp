@@ -38,10 +38,10 @@ MechanismDef Definition(double stiffness) {
 }
 
 // Energy after `seconds` less that at the start, J.
-template <class Road>
+template <class Method>
 double Drift(double seconds, double h) {
   Scene scene = SceneOf(Definition(0), Vector3(0, -9.81, 0));
-  auto s = Road::Start(std::move(scene), h);
+  auto s = Method::Start(std::move(scene), h);
   const double start = s.Energy();
   Advance(s, seconds);
   return s.Energy() - start;
@@ -51,13 +51,13 @@ struct Drifts {
   double coarse = 0, fine = 0, extrapolated = 0;
 };
 
-template <class Road>
+template <class Method>
 Drifts DriftsOf(Refinement refinement) {
   constexpr double kTime = 10;
   std::vector<double> steps = {1.0 / 200, 1.0 / 400, 1.0 / 800};
   if (refinement == Refinement::kFine) steps.push_back(1.0 / 1600);
   std::vector<VectorX> drift;
-  for (const double h : steps) drift.push_back(VectorX::Constant(1, Drift<Road>(kTime, h)));
+  for (const double h : steps) drift.push_back(VectorX::Constant(1, Drift<Method>(kTime, h)));
   Drifts out{drift[drift.size() - 2](0), drift.back()(0), 0};
   out.extrapolated = ExtrapolateToZero(drift)(0);
   return out;
@@ -72,7 +72,7 @@ std::vector<KnownAnswer> Bricard(Refinement refinement) {
   rows.Add({"degrees of freedom", "1", 1, 0, "a count", "closed form; the mobility formula gives 0"},
            model.num_coordinates() - model.loop_rank(),
            static_cast<double>(StartFull(SceneOf(Definition(1)), 0.01).Frequencies(0).size()));
-  const Drifts r = DriftsOf<ReducedRoadByDegrees>(refinement), f = DriftsOf<FullRoad>(refinement);
+  const Drifts r = DriftsOf<ReducedMethodByDegrees>(refinement), f = DriftsOf<FullMethod>(refinement);
   rows.Add({"order of the energy that backward Euler loses in 10 s", "1", 1, 0.35,
             "log₂ of the losses at the two shortest steps, 1/800 and 1/1600 s; terms of higher order remain",
             "backward Euler is of first order"},
@@ -90,8 +90,8 @@ std::vector<KnownAnswer> Bricard(Refinement refinement) {
       {"the same with the reference moved every 15 degrees, the default", "J", 0, 0.2,
        "what the loop projector leaves out, of second order in the 15 degrees: 2 % of the 10 J exchanged",
        "energy is conserved"},
-      DriftsOf<ReducedRoad>(refinement).extrapolated, std::nullopt);
-  return rows.Take();
+      DriftsOf<ReducedMethod>(refinement).extrapolated, std::nullopt);
+  return rows.Release();
 }
 
 }  // namespace fork1s::internal

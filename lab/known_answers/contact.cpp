@@ -19,10 +19,10 @@ struct Speeds {
   double slide = 0, turn = 0;  // m/s, rad/s
 };
 
-template <class Road>
+template <class Method>
 Speeds AfterOneSecond(const Shape& shape, const SpatialInertia& inertia, double height, double slope,
                       double friction) {
-  auto s = Road::Start(OnPlane(shape, inertia, height, slope, friction), kContactStep);
+  auto s = Method::Start(OnPlane(shape, inertia, height, slope, friction), kContactStep);
   Advance(s, 1);
   const Vector6 V = s.Velocity(s.FindBody("body"));
   return {V(3), V(1)};
@@ -30,13 +30,13 @@ Speeds AfterOneSecond(const Shape& shape, const SpatialInertia& inertia, double 
 
 // When the slip of a ball thrown at v0 ends: slip falls by 7/2 µ g t, and the first step at which less than a
 // step's share is left is told by what is left before it.
-template <class Road>
+template <class Method>
 Speeds SlipAndSpeed(double v0, double friction, double h) {
   Scene scene = OnPlane(Sphere{kRadius}, testing::Ball(1, kRadius), kRadius, 0, friction);
   KeyframeDef key;
   key.free_bodies.push_back({scene.free_bodies[0].X_WB, Vector3::Zero(), Vector3(v0, 0, 0)});
   scene.keyframes = {key};
-  auto s = Road::Start(std::move(scene), h);
+  auto s = Method::Start(std::move(scene), h);
   const int ball = s.FindBody("body");
   const double rate = 3.5 * friction * kGravity;
   double ends = -1;
@@ -55,28 +55,29 @@ std::vector<KnownAnswer> Rolling(Refinement) {
   Rows rows("rolling");
   const double slope = 0.2, expected = 5.0 / 7 * kGravity * std::sin(slope);
   const SpatialInertia ball = testing::Ball(1, kRadius);
-  const Speeds r = AfterOneSecond<ReducedRoad>(Sphere{kRadius}, ball, kRadius, slope, 1);
-  const Speeds f = AfterOneSecond<FullRoad>(Sphere{kRadius}, ball, kRadius, slope, 1);
+  const Speeds r = AfterOneSecond<ReducedMethod>(Sphere{kRadius}, ball, kRadius, slope, 1);
+  const Speeds f = AfterOneSecond<FullMethod>(Sphere{kRadius}, ball, kRadius, slope, 1);
   const char* source = "closed form: 5/7 g sin θ for θ = 0.2 rad";
   rows.Add({"mean acceleration over 1 s", "m/s²", expected, kSolver * expected, kWhySolver, source}, r.slide,
            f.slide);
   rows.Add({"angular acceleration over 1 s", "rad/s²", expected / kRadius, kSolver * expected / kRadius,
             kWhySolver, source},
            r.turn, f.turn);
-  return rows.Take();
+  return rows.Release();
 }
 
 std::vector<KnownAnswer> SlidingToRolling(Refinement) {
   Rows rows("sliding_to_rolling");
   const double v0 = 3, friction = 0.2, h = 1.0 / 240;
-  const Speeds r = SlipAndSpeed<ReducedRoad>(v0, friction, h), f = SlipAndSpeed<FullRoad>(v0, friction, h);
+  const Speeds r = SlipAndSpeed<ReducedMethod>(v0, friction, h),
+               f = SlipAndSpeed<FullMethod>(v0, friction, h);
   rows.Add({"time at which slip ends", "s", 2 * v0 / (7 * friction * kGravity), 1e-3,
             "kinks within a step of 1/240 s are found by the slip left before them",
             "closed form: 2 v₀/(7 µ g) for v₀ = 3 m/s, µ = 0.2"},
            r.turn, f.turn);
   rows.Add({"speed of rolling", "m/s", 5.0 / 7 * v0, kSolver * v0, kWhySolver, "closed form: 5/7 v₀"},
            r.slide, f.slide);
-  return rows.Take();
+  return rows.Release();
 }
 
 std::vector<KnownAnswer> Sticking(Refinement) {
@@ -86,14 +87,15 @@ std::vector<KnownAnswer> Sticking(Refinement) {
   for (const double share : {0.98, 1.02}) {
     const double slope = std::atan(share * friction);
     const Speeds r =
-        AfterOneSecond<ReducedRoad>(Box{half}, testing::Brick(1, half), half.z(), slope, friction);
-    const Speeds f = AfterOneSecond<FullRoad>(Box{half}, testing::Brick(1, half), half.z(), slope, friction);
+        AfterOneSecond<ReducedMethod>(Box{half}, testing::Brick(1, half), half.z(), slope, friction);
+    const Speeds f =
+        AfterOneSecond<FullMethod>(Box{half}, testing::Brick(1, half), half.z(), slope, friction);
     const double expected = share < 1 ? 0 : kGravity * (std::sin(slope) - friction * std::cos(slope));
     rows.Add({fmt::format("speed after 1 s at tan θ = {} µ", share), "m/s", expected, kSolver,
               "1e-4 of the impulse of gravity in 1 s", "Coulomb's law, µ = 0.5"},
              r.slide, f.slide);
   }
-  return rows.Take();
+  return rows.Release();
 }
 
 }  // namespace fork1s::internal

@@ -81,7 +81,7 @@ MechanismDef GovernorDefinition() {
 }
 
 // Height of the slider at 1, 5 and 10 s, extrapolated to h = 0.
-template <class Road>
+template <class Method>
 VectorX Heights(const std::vector<double>& steps, bool to_the_end) {
   std::vector<VectorX> heights;
   for (const double h : steps) {
@@ -89,7 +89,7 @@ VectorX Heights(const std::vector<double>& steps, bool to_the_end) {
     VectorX q_dot = VectorX::Zero(8);
     q_dot(0) = 2 * std::numbers::pi;
     StartAt(scene, VectorX::Zero(8), q_dot);
-    auto s = Road::Start(std::move(scene), h);
+    auto s = Method::Start(std::move(scene), h);
     const int slider = s.FindBody("slider");
     VectorX at = VectorX::Zero(3);
     Advance(s, 1);
@@ -110,8 +110,8 @@ std::vector<KnownAnswer> FlyballGovernor(Refinement refinement) {
   const bool fine = refinement == Refinement::kFine;
   const double first = fine ? 1.0 / 400 : 1.0 / 50;
   const std::vector<double> steps = {first, first / 2, first / 4, first / 8};
-  const VectorX r = Heights<ReducedRoad>(steps, fine), f = Heights<FullRoad>(steps, fine),
-                second = Heights<SecondOrderRoad>({1.0 / 50, 1.0 / 100, 1.0 / 200, 1.0 / 400}, fine);
+  const VectorX r = Heights<ReducedMethod>(steps, fine), f = Heights<FullMethod>(steps, fine),
+                second = Heights<SecondOrderMethod>({1.0 / 50, 1.0 / 100, 1.0 / 200, 1.0 / 400}, fine);
   const double known[] = {0.501421, 0.535563, 0.619623};
   const char* times[] = {"1", "5", "10"};
   for (int i = 0; i < (fine ? 3 : 2); ++i) {
@@ -125,7 +125,7 @@ std::vector<KnownAnswer> FlyballGovernor(Refinement refinement) {
               "published (benchmark A05 of the IFToMM)"},
              second(i), std::nullopt);
   }
-  return rows.Take();
+  return rows.Release();
 }
 
 }  // namespace fork1s::internal

@@ -133,7 +133,7 @@ std::vector<KnownAnswer> TwoLinkArm(Refinement) {
     rows.Add({fmt::format("frequency {}", i + 1), "rad/s", known[i], 1e-9 * known[i],
               "rounding of two eigenvalues", "closed form: 7.5693 and 19.8168 rad/s"},
              2 * std::numbers::pi * reduced[i], 2 * std::numbers::pi * full[i]);
-  return rows.Take();
+  return rows.Release();
 }
 
 std::vector<KnownAnswer> PlanarChain(Refinement) {
@@ -147,7 +147,7 @@ std::vector<KnownAnswer> PlanarChain(Refinement) {
     rows.Add({fmt::format("tip compliance {}", name), unit, expected, kDifference * expected, kWhyDifference,
               source},
              C.reduced(i, j), C.full(i, j));
-  return rows.Take();
+  return rows.Release();
 }
 
 std::vector<KnownAnswer> StewartPlatform(Refinement) {
@@ -173,7 +173,7 @@ std::vector<KnownAnswer> StewartPlatform(Refinement) {
              r(i), f(i));
   rows.Add({"coupling of rotation and translation, over k a", "1", 0, 10 * kDifference, why, source},
            coupling(K_reduced), coupling(K_full));
-  return rows.Take();
+  return rows.Release();
 }
 
 }  // namespace fork1s::internal

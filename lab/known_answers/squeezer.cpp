@@ -89,16 +89,16 @@ struct Start {
 
 // One step of 1e-8 s from rest: nothing has moved, so rate over time is the acceleration, to 1e-4 of the
 // digits that are left of 16.
-template <class Road>
+template <class Method>
 Start StartOf(double beta_offset, double torque) {
   constexpr double h = 1e-8;
   VectorX q = InitialAngles();
   q(0) += beta_offset;
-  auto s = Road::Start(SceneAt(q), h);
+  auto s = Method::Start(SceneAt(q), h);
   Start start;
   start.beta = Displacements(s)(0);
   Drive(s, torque);
-  if constexpr (std::is_same_v<Road, FullRoad>) {
+  if constexpr (std::is_same_v<Method, FullMethod>) {
     // The tolerance on poses cannot be met: nothing moves by a length that could be told from rounding.
     if (!s.Step().finite) throw CaseFailure("full: the squeezer's first step is not finite");
     const VectorX forces = s.ClosureForces(0);
@@ -116,11 +116,11 @@ struct Crank {
 };
 
 // At rest T(β) = I(β) β̈, so that accelerations tell inertia, torque and, by difference, stiffness.
-template <class Road>
+template <class Method>
 Crank CrankAtStart() {
   constexpr double kOffset = 1e-4;  // rad
-  const Start driven = StartOf<Road>(0, kTorque), still = StartOf<Road>(0, 0);
-  const Start ahead = StartOf<Road>(kOffset, 0), behind = StartOf<Road>(-kOffset, 0);
+  const Start driven = StartOf<Method>(0, kTorque), still = StartOf<Method>(0, 0);
+  const Start ahead = StartOf<Method>(kOffset, 0), behind = StartOf<Method>(-kOffset, 0);
   Crank crank;
   crank.acceleration = driven.acceleration;
   crank.inertia = kTorque / (driven.acceleration - still.acceleration);
@@ -130,11 +130,11 @@ Crank CrankAtStart() {
   return crank;
 }
 
-template <class Road>
+template <class Method>
 VectorX PoseAt(double time, const std::vector<double>& step_sizes) {
   std::vector<VectorX> ends;
   for (const double h : step_sizes) {
-    auto s = Road::Start(SceneAt(InitialAngles()), h);
+    auto s = Method::Start(SceneAt(InitialAngles()), h);
     const int steps = static_cast<int>(time / h + 0.5);
     for (int i = 0; i < steps; ++i) {
       Drive(s, kTorque);
@@ -149,7 +149,7 @@ VectorX PoseAt(double time, const std::vector<double>& step_sizes) {
 
 std::vector<KnownAnswer> Squeezer(Refinement refinement) {
   Rows rows("squeezer");
-  const Crank reduced = CrankAtStart<ReducedRoad>(), full = CrankAtStart<FullRoad>();
+  const Crank reduced = CrankAtStart<ReducedMethod>(), full = CrankAtStart<FullMethod>();
   const char* published = "published (Hairer and Wanner)";
   const char* derived =
       "derived from the published data: the inertia is the torque of 0.033 N·m over the published "
@@ -174,7 +174,8 @@ std::vector<KnownAnswer> Squeezer(Refinement refinement) {
   const bool fine = refinement == Refinement::kFine;
   const std::vector<double> step_sizes =
       fine ? std::vector<double>{2e-5, 1e-5, 5e-6, 2.5e-6} : std::vector<double>{4e-5, 2e-5, 1e-5};
-  const VectorX r = PoseAt<ReducedRoadByDegrees>(kTime, step_sizes), f = PoseAt<FullRoad>(kTime, step_sizes);
+  const VectorX r = PoseAt<ReducedMethodByDegrees>(kTime, step_sizes),
+                f = PoseAt<FullMethod>(kTime, step_sizes);
   const VectorX expected =
       Angles(15.8107712, -15.7563711, .0408222, .5244100, -.5347301, 1.0480807, .5347301);
   const char* names[] = {"β", "Θ", "γ", "δ", "Φ", "ε", "Ω"};
@@ -184,7 +185,7 @@ std::vector<KnownAnswer> Squeezer(Refinement refinement) {
               "degree",
               published},
              r(i), f(i));
-  return rows.Take();
+  return rows.Release();
 }
 
 }  // namespace fork1s::internal

@@ -57,9 +57,9 @@ struct Pressed {
 };
 
 // Pressed and let go in turn, half a second each, three times.
-template <class Road>
+template <class Method>
 Pressed PressAndLetGo() {
-  auto s = Road::Start(Finger(), 0.005);
+  auto s = Method::Start(Finger(), 0.005);
   const int input = s.FindControl("set point");
   Pressed out;
   for (int i = 0; i < 600; ++i) {
@@ -108,9 +108,9 @@ Scene HeavyStack() {
   return scene;
 }
 
-template <class Road>
+template <class Method>
 double EnergyGained(double h) {
-  auto s = Road::Start(HeavyChain(), h);
+  auto s = Method::Start(HeavyChain(), h);
   double before = s.Energy(), gained = 0;
   for (int i = 0; i < 30 / h; ++i) {
     StepOnce(s);
@@ -120,9 +120,9 @@ double EnergyGained(double h) {
   return gained;
 }
 
-template <class Road>
+template <class Method>
 double StackMoved() {
-  auto s = Road::Start(HeavyStack(), 0.1);
+  auto s = Method::Start(HeavyStack(), 0.1);
   const int heavy = s.FindBody("heavy");
   const Vector3 start = s.Pose(heavy).translation();
   double moved = 0;
@@ -137,7 +137,7 @@ double StackMoved() {
 
 std::vector<KnownAnswer> GainInContact(Refinement) {
   Rows rows("gain_in_contact");
-  const Pressed r = PressAndLetGo<ReducedRoad>(), f = PressAndLetGo<FullRoad>();
+  const Pressed r = PressAndLetGo<ReducedMethod>(), f = PressAndLetGo<FullMethod>();
   rows.Add({"angle at which the finger rests on the plane", "rad", std::asin((kHeight - kBall) / kReach),
             2e-4, "the contact gives 10 µm at 0.1 m, twice",
             "closed form: asin of height over reach, at 1e4 times an explicit spring's largest gain"},
@@ -148,24 +148,24 @@ std::vector<KnownAnswer> GainInContact(Refinement) {
   rows.Add({"farthest beyond the way between the set-points", "rad", 0, 1e-3,
             "gravity bends the spring by 2e-8 rad", "an unstable step leaves it at once"},
            r.away, f.away);
-  return rows.Take();
+  return rows.Release();
 }
 
 std::vector<KnownAnswer> MassRatio(Refinement) {
   Rows rows("mass_ratio");
   const char* why = "of the 4 kJ that are exchanged";
   const char* source = "energy never grows by itself";
-  // Not by the full road: at 0.1 s the weight swings by more than a radian in a step, and its Newton
+  // Not by the full method: at 0.1 s the weight swings by more than a radian in a step, and its Newton
   // iteration on the poses of all bodies does not find such a step. At 0.05 s it does.
   rows.Add({"largest energy gained in a step by a chain 1 g : 1000 kg at h = 0.1 s, 30 s", "J", 0, 1e-3, why,
             source},
-           EnergyGained<ReducedRoad>(0.1), std::nullopt);
-  rows.Add({"the same at h = 0.05 s", "J", 0, 1e-3, why, source}, EnergyGained<ReducedRoad>(0.05),
-           EnergyGained<FullRoad>(0.05));
+           EnergyGained<ReducedMethod>(0.1), std::nullopt);
+  rows.Add({"the same at h = 0.05 s", "J", 0, 1e-3, why, source}, EnergyGained<ReducedMethod>(0.05),
+           EnergyGained<FullMethod>(0.05));
   rows.Add({"farthest move of 1 kg on 1 mg at h = 0.1 s, 30 s", "m", 0, 1e-4,
             "two contacts that give 10 µm each, more while the load comes on", "it rests"},
-           StackMoved<ReducedRoad>(), StackMoved<FullRoad>());
-  return rows.Take();
+           StackMoved<ReducedMethod>(), StackMoved<FullMethod>());
+  return rows.Release();
 }
 
 }  // namespace fork1s::internal

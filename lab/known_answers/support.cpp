@@ -12,9 +12,9 @@ bool KnownAnswer::Holds() const { return std::abs(measured - expected) <= tolera
 namespace fork1s::internal {
 
 void Rows::Add(const Known& known, std::optional<double> reduced, std::optional<double> full) {
-  auto add = [&](const char* road, double measured) {
-    rows_.push_back({case_name_, known.quantity, known.unit, road, known.expected, measured, known.tolerance,
-                     known.why_tolerance, known.source});
+  auto add = [&](const char* method, double measured) {
+    rows_.push_back({case_name_, known.quantity, known.unit, method, known.expected, measured,
+                     known.tolerance, known.why_tolerance, known.source});
   };
   if (reduced) add("reduced", *reduced);
   if (full) add("full", *full);

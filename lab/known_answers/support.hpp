@@ -35,7 +35,7 @@ class Rows {
  public:
   explicit Rows(std::string case_name) : case_name_(std::move(case_name)) {}
   void Add(const Known& known, std::optional<double> reduced, std::optional<double> full);
-  std::vector<KnownAnswer> Take() { return std::move(rows_); }
+  std::vector<KnownAnswer> Release() { return std::move(rows_); }
 
  private:
   std::string case_name_;
@@ -58,20 +58,20 @@ Simulation StartReduced(Scene scene, double h, double refresh_angle = 15 * kDegr
 FullSimulation StartFull(Scene scene, double h);
 
 /// The names by which a case asks for either simulator.
-struct ReducedRoad {
+struct ReducedMethod {
   static Simulation Start(Scene scene, double h) { return StartReduced(std::move(scene), h); }
 };
 /// Moves its reference with every degree that a joint turns: what is of second order in the distance from the
 /// reference then lies below the errors of the time step.
-struct ReducedRoadByDegrees {
+struct ReducedMethodByDegrees {
   static Simulation Start(Scene scene, double h) { return StartReduced(std::move(scene), h, kDegree); }
 };
-struct SecondOrderRoad {
+struct SecondOrderMethod {
   static Simulation Start(Scene scene, double h) {
     return StartReduced(std::move(scene), h, 15 * kDegree, Integrator::kTwoStage);
   }
 };
-struct FullRoad {
+struct FullMethod {
   static FullSimulation Start(Scene scene, double h) { return StartFull(std::move(scene), h); }
 };
 

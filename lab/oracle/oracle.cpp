@@ -1,4 +1,4 @@
-// The oracle's quantities by three roads.
+// The oracle's quantities by three methods.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -249,7 +249,7 @@ class Case {
     return {Matrix3(ExpRotation(Vec3(pose["rotation_vector_rad"])) * R_ref), Vec3(pose["position_m"])};
   }
 
-  // Adds the deviations of one load to the largest so far; a road that finds no rest says so.
+  // Adds the deviations of one load to the largest so far; a method that finds no rest says so.
   void AddRest(const RestLoad& load, const Expectation& expected, OracleRow& row) const {
     auto add = [&](OracleDeviation& out, const Expected<std::vector<RigidTransform>>& found) {
       if (!out.why_not.empty()) return;

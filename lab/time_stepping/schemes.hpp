@@ -8,7 +8,7 @@ namespace fork1s::lab {
 enum class Scheme { kEuler, kSdirk2, kTrBdf2, kBdf2 };
 
 /// What the explicit half of TR-BDF2 takes as the rate of momentum at the start of a step: that of the last
-/// stage, that with applied forces evaluated anew, which sees inputs that have jumped, or that of the last
+/// stage, that with applied forces evaluated again, which sees inputs that have jumped, or that of the last
 /// stage while it is that of the start: the first step, and those after an impact or a jump of inputs, are
 /// steps of SDIRK2.
 enum class StartRate { kLastStage, kAppliedAnew, kRestart };

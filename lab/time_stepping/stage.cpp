@@ -176,19 +176,19 @@ void SolveStage(const System& system, const StageInput& input, const StageSettin
         const double reach = b + system.contact_damping_time;
         c.compliance_normal = 1 / (b * reach * k);
         c.compliance_tangent = 1 / (b * b * k);
-        c.held = -b * k * (g.frame * input.xi[i]);
-        c.held.x() = 0;
+        c.previous_impulse = -b * k * (g.frame * input.xi[i]);
+        c.previous_impulse.x() = 0;
         c.bias.x() = (g.gap - b * moved) / reach;
         if (input.restitution_speed.size() > 0 && input.restitution_speed(static_cast<Eigen::Index>(i)) > 0) {
           c.compliance_normal = c.compliance_tangent = 0;
-          c.held.setZero();
+          c.previous_impulse.setZero();
           c.bias.x() = -input.restitution_speed(static_cast<Eigen::Index>(i));
         }
         c.impulse = b * (g.frame * phi[i]);
       }
       ContactSolverOptions options;
       options.tolerance = 1e-12;
-      options.most_give = 1e12;
+      options.max_relative_regularization = 1e12;
       solver.Solve({block}, contacts, limits, velocities, options);
       for (std::size_t i = 0; i < num_contacts; ++i) {
         const ContactPair& pair = system.contacts[i];

@@ -15,7 +15,7 @@ struct Refused {
 
 /// The value, or Refused. `file`: what the command line would put before the sentence.
 template <class T>
-T Take(Expected<T> expected, const std::string& file = {}) {
+T ValueOrThrow(Expected<T> expected, const std::string& file = {}) {
   if (!expected) {
     Error error = std::move(expected.error());
     if (!file.empty() && error.where.rfind(file, 0) != 0)

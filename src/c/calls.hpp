@@ -12,7 +12,7 @@
 namespace fork1s::c {
 
 using internal::Refused;
-using internal::Take;
+using internal::ValueOrThrow;
 
 [[noreturn]] void Misuse(std::string message);
 

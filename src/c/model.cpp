@@ -31,7 +31,7 @@ class NumbersWithPoints {
 
 fork1s_model* MakeModel(Expected<ImportedScene> imported, std::string origin) {
   auto model = std::make_shared<Model>();
-  model->imported = Take(std::move(imported), origin);
+  model->imported = ValueOrThrow(std::move(imported), origin);
   model->joints = MovingJoints(model->imported.joints, model->imported.scene);
   for (const ImportNote& note : model->imported.report.notes) model->notes.push_back(note.Text());
   model->origin = std::move(origin);

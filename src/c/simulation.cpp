@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
 #include <utility>
@@ -113,7 +113,8 @@ fork1s_status fork1s_simulation_create(const fork1s_model* model, const char* op
     RequireGiven(model, "model");
     RequireGiven(simulation, "simulation");
     const Model& from = *model->model;
-    Simulation made = Take(Simulation::Create(from.imported.scene, OptionsOf(from, options)), from.origin);
+    Simulation made =
+        ValueOrThrow(Simulation::Create(from.imported.scene, OptionsOf(from, options)), from.origin);
     Run run(model->model, std::move(made));
     for (const fork1s::SceneBody& body : run.simulation.bodies()) run.body_names.push_back(body.name);
     run.control_names = run.simulation.control_names();
@@ -203,7 +204,7 @@ fork1s_status fork1s_simulation_find_control(const fork1s_simulation* simulation
   return GuardRun(__func__, simulation, [&](const Run& run) {
     RequireGiven(name, "name");
     RequireGiven(control, "control");
-    *control = Take(fork1s::ControlNamed(run.simulation, name));
+    *control = ValueOrThrow(fork1s::ControlNamed(run.simulation, name));
   });
 }
 
@@ -271,7 +272,7 @@ fork1s_status fork1s_simulation_find_body(const fork1s_simulation* simulation, c
   return GuardRun(__func__, simulation, [&](const Run& run) {
     RequireGiven(name, "name");
     RequireGiven(body, "body");
-    *body = Take(fork1s::BodyNamed(run.simulation, name));
+    *body = ValueOrThrow(fork1s::BodyNamed(run.simulation, name));
   });
 }
 

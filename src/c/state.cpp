@@ -1,7 +1,7 @@
 // State of joints, sensors, contacts and moments to come back to.
 #include <algorithm>
 #include <fork1s/importer/file_state.hpp>
-#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <span>
 #include <sstream>
 #include <utility>
@@ -28,7 +28,7 @@ void Restore(const Moment& moment, Run& run) {
          << run.simulation.dt() << " s; make a simulation of that dt";
     Misuse(text.str());
   }
-  Take(run.simulation.Restore(moment.simulation), run.model->origin);
+  ValueOrThrow(run.simulation.Restore(moment.simulation), run.model->origin);
   run.time_before = moment.time_before;
   run.state_change = moment.state_change;
   run.pushes = moment.pushes;
@@ -177,9 +177,9 @@ fork1s_status fork1s_simulation_set_joint_state(fork1s_simulation* simulation, c
     fork1s::FileState file = StateOf(run);
     Replace(positions, num_positions, "positions", file.positions);
     Replace(velocities, num_velocities, "velocities", file.velocities);
-    Take(fork1s::ApplyFileState(run.model->joints, scene, file, state));
-    auto next =
-        Take(fork1s::internal::RestartAt(run.simulation, state, scene.keyframes.size()), run.model->origin);
+    ValueOrThrow(fork1s::ApplyFileState(run.model->joints, scene, file, state));
+    auto next = ValueOrThrow(fork1s::internal::RestartAt(run.simulation, state, scene.keyframes.size()),
+                             run.model->origin);
     run.time_before = run.time();
     run.simulation = std::move(next.simulation);
     run.sensors.reset();

@@ -212,7 +212,7 @@ void BlockLu::SolveFour(const EliminationOrder& order, double* x) {
     const int f = panel.f;
     const int* swaps = swaps_.data() + parts_[b].swaps;
     double* a = x + 4 * block.own.begin;
-    // Right sides are of single points, which few blocks hear.
+    // Right sides are of single points, which few blocks depend on.
     if (std::all_of(a, a + 4 * f, [](double v) { return v == 0; })) continue;
     for (int k = 0; k < f; ++k)
       if (swaps[k] != k) std::swap_ranges(a + 4 * k, a + 4 * k + 4, a + 4 * swaps[k]);

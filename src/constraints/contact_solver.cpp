@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "compliant_newton.hpp"
-#include "compliant_rows.hpp"
+#include "regularized_contact_problem.hpp"
+#include "regularized_newton.hpp"
 
 namespace fork1s {
 
@@ -11,12 +11,12 @@ namespace {
 
 constexpr int kStiffer = 4;  // rounds; what they leave too deep the next step meets with its load known
 
-void Measure(const internal::CompliantRows& rows, ContactSolverReport& report) {
+void Measure(const internal::RegularizedContactProblem& rows, ContactSolverReport& report) {
   double impulse = 0, speed = 0;
   for (const internal::PointRows& point : rows.points) {
     if (point.impulse.isZero(0)) continue;
     ++report.active;
-    ++(point.piece.mode == internal::ContactMode::kSliding ? report.sliding : report.sticking);
+    ++(point.linearization.mode == internal::ContactMode::kSliding ? report.sliding : report.sticking);
     impulse = std::max(impulse, point.impulse.norm());
     speed = std::max(speed, point.reach);
   }
@@ -27,9 +27,9 @@ void Measure(const internal::CompliantRows& rows, ContactSolverReport& report) {
 }  // namespace
 
 struct ContactSolver::Workspace {
-  internal::CompliantRows rows;
-  internal::PieceNewton pieces;
-  internal::CompliantNewton fallbacks;
+  internal::RegularizedContactProblem rows;
+  internal::SemismoothNewton semismooth;
+  internal::RegularizedNewton fallbacks;
   std::vector<double> guess, change;  // d, in freedoms
   std::vector<int> taken;             // contacts that take part, in order
   std::vector<char> is_taken;
@@ -55,7 +55,7 @@ void ContactSolver::Workspace::StoreImpulses(std::vector<ContactConstraint>& con
     ContactConstraint& contact = contacts[static_cast<std::size_t>(rows.place(i))];
     contact.impulse = rows.points[i].impulse.cwiseProduct(rows.points[i].scale);
     contact.moment = rows.points[i].moment.cwiseProduct(rows.points[i].scale);
-    contact.use = rows.points[i].use;
+    contact.utilization = rows.points[i].utilization;
   }
   for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
 }
@@ -68,7 +68,7 @@ ContactSolver& ContactSolver::operator=(ContactSolver&&) noexcept = default;
 void ContactSolver::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
   work_->rows.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities),
                       std::max(0, num_freedoms));
-  work_->pieces.Reserve(std::max(0, num_velocities));
+  work_->semismooth.Reserve(std::max(0, num_velocities));
   work_->fallbacks.Reserve(std::max(0, num_contacts), std::max(0, num_limits), std::max(0, num_velocities));
   for (std::vector<double>* v : {&work_->guess, &work_->change})
     v->reserve(static_cast<std::size_t>(std::max(0, num_velocities)));
@@ -87,7 +87,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     return report;
   }
   Workspace& work = *work_;
-  internal::CompliantRows& rows = work.rows;
+  internal::RegularizedContactProblem& rows = work.rows;
   const auto give_up = [&] {
     for (ContactConstraint& contact : contacts) {
       contact.impulse.setZero();
@@ -103,7 +103,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   work.is_taken.resize(contacts.size());
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     work.is_taken[i] = !contacts[i].IsDeferred();
-    contacts[i].use = 0;
+    contacts[i].utilization = 0;
   }
   if (work.start.size() < velocities.size()) work.start.resize(velocities.size());
   work.start.head(velocities.size()) = velocities;
@@ -112,20 +112,22 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     for (std::size_t i = 0; i < contacts.size(); ++i)
       if (work.is_taken[i]) work.taken.push_back(static_cast<int>(i));
     if (again) velocities = work.start.head(velocities.size());
-    if (!rows.Prepare(blocks, contacts, work.taken, limits, velocities, options.most_give)) return give_up();
+    if (!rows.Prepare(blocks, contacts, work.taken, limits, velocities, options.max_relative_regularization))
+      return give_up();
     // What comes down suddenly presses its material in too deep: once more with a stiffer one.
     for (int round = 0;; ++round) {
       work.guess.resize(static_cast<std::size_t>(rows.freedoms()));
       rows.Push(work.guess.data());
       work.change = work.guess;
-      report.converged = work.pieces.Solve(rows, work.change, options.tolerance, report.newton_iterations);
+      report.converged =
+          work.semismooth.Solve(rows, work.change, options.tolerance, report.newton_iterations);
       if (!report.converged) {
         work.change = work.guess;
-        work.fallbacks.Solve(rows, work.pieces, options, work.change, report);
+        work.fallbacks.Solve(rows, work.semismooth, options, work.change, report);
       }
-      if (round == kStiffer || !report.converged || !rows.Stiffen()) break;
+      if (round == kStiffer || !report.converged || !rows.DecreaseRegularization()) break;
     }
-    report.residual = work.pieces.Residual(rows);
+    report.residual = work.semismooth.Residual(rows);
     if (!std::isfinite(report.residual)) return give_up();
     work.StoreImpulses(contacts, limits);
     rows.AddChange(work.change.data(), velocities);

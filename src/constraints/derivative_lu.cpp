@@ -10,7 +10,7 @@ void DerivativeLu::Reserve(int freedoms) {
   block_lu_.Reserve(freedoms);
 }
 
-bool DerivativeLu::Factor(CompliantRows& rows) {
+bool DerivativeLu::Factor(RegularizedContactProblem& rows) {
   const auto n = static_cast<std::size_t>(rows.freedoms());
   H_.resize(n * n);
   rows.DerivativeByBlocks(H_.data());
@@ -22,14 +22,14 @@ bool DerivativeLu::Factor(CompliantRows& rows) {
   return FactorLu(H_.data(), rows.freedoms(), pivots_.data());
 }
 
-void DerivativeLu::Solve(const CompliantRows& rows, double* x) {
+void DerivativeLu::Solve(const RegularizedContactProblem& rows, double* x) {
   if (by_blocks_)
     block_lu_.Solve(rows.order(), x);
   else
     SolveWithLu(H_.data(), rows.freedoms(), pivots_.data(), x);
 }
 
-void DerivativeLu::SolveFour(const CompliantRows& rows, double* x) {
+void DerivativeLu::SolveFour(const RegularizedContactProblem& rows, double* x) {
   if (by_blocks_)
     block_lu_.SolveFour(rows.order(), x);
   else

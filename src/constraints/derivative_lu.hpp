@@ -1,10 +1,10 @@
-// ∂F/∂d of the pieces at hand, factored.
+// ∂F/∂d of the modes at hand, factored.
 #pragma once
 
 #include <vector>
 
 #include "block_lu.hpp"
-#include "compliant_rows.hpp"
+#include "regularized_contact_problem.hpp"
 
 namespace fork1s::internal {
 
@@ -12,11 +12,11 @@ class DerivativeLu {
  public:
   void Reserve(int freedoms);
   /// False where it is singular.
-  bool Factor(CompliantRows& rows);
+  bool Factor(RegularizedContactProblem& rows);
   /// x <- (∂F/∂d)⁻¹ x of the last factor; `rows` are those that it was of.
-  void Solve(const CompliantRows& rows, double* x);
+  void Solve(const RegularizedContactProblem& rows, double* x);
   /// The same for four right sides, x freedoms x 4 row by row.
-  void SolveFour(const CompliantRows& rows, double* x);
+  void SolveFour(const RegularizedContactProblem& rows, double* x);
 
  private:
   std::vector<double> H_;

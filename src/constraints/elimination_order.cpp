@@ -13,9 +13,9 @@ void EliminationOrder::ForEachBit(const std::uint64_t* row, int words, const Act
 
 void EliminationOrder::Reserve(int freedoms, int cliques) {
   const auto n = static_cast<std::size_t>(freedoms), meetings = static_cast<std::size_t>(cliques);
-  met_.reserve(4 * meetings);
+  cliques_.reserve(4 * meetings);
   for (std::vector<Span>* v : {&atoms_, &hubs_, &core_}) v->reserve(4 * n);
-  met_ends_.reserve(meetings);
+  clique_ends_.reserve(meetings);
   for (std::vector<int>* v : {&cover_, &atom_at_, &weight_}) v->reserve(n + 1);
   cut_.reserve(n + 1);
   blocks_.reserve(n);
@@ -25,14 +25,14 @@ void EliminationOrder::Reserve(int freedoms, int cliques) {
 
 void EliminationOrder::Begin(int freedoms) {
   freedoms_ = freedoms;
-  met_.clear();
-  met_ends_.clear();
+  cliques_.clear();
+  clique_ends_.clear();
 }
 
-void EliminationOrder::Meet(const Span* spans, int count) {
+void EliminationOrder::Connect(const Span* spans, int count) {
   for (int i = 0; i < count; ++i)
-    if (spans[i].size() > 0) met_.push_back(spans[i]);
-  met_ends_.push_back(static_cast<int>(met_.size()));
+    if (spans[i].size() > 0) cliques_.push_back(spans[i]);
+  clique_ends_.push_back(static_cast<int>(cliques_.size()));
 }
 
 void EliminationOrder::FindAtoms() {
@@ -41,7 +41,7 @@ void EliminationOrder::FindAtoms() {
   cover_.assign(n + 1, 0);
   atom_at_.assign(n, -1);
   atoms_.clear();
-  for (const Span& span : met_) {
+  for (const Span& span : cliques_) {
     cut_[static_cast<std::size_t>(span.begin)] = cut_[static_cast<std::size_t>(span.end)] = 1;
     ++cover_[static_cast<std::size_t>(span.begin)];
     --cover_[static_cast<std::size_t>(span.end)];
@@ -61,10 +61,10 @@ void EliminationOrder::FindNeighbours() {
   words_ = static_cast<int>(atoms_.size() + 63) / 64;
   neighbours_.assign(atoms_.size() * static_cast<std::size_t>(words_), 0);
   int begin = 0;
-  for (const int end : met_ends_) {
+  for (const int end : clique_ends_) {
     mask_.assign(static_cast<std::size_t>(words_), 0);
     for (; begin < end; ++begin) {
-      const Span& span = met_[static_cast<std::size_t>(begin)];
+      const Span& span = cliques_[static_cast<std::size_t>(begin)];
       for (int i = span.begin; i < span.end;) {
         const int atom = atom_at_[static_cast<std::size_t>(i)];
         mask_[static_cast<std::size_t>(atom / 64)] |= std::uint64_t{1} << (atom % 64);

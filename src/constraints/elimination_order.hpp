@@ -29,7 +29,7 @@ class EliminationOrder {
   void Reserve(int freedoms, int cliques);
   void Begin(int freedoms);
   /// All of these meet each other. Empty spans are let be.
-  void Meet(const Span* spans, int count);
+  void Connect(const Span* spans, int count);
   /// From what was met since Begin.
   void Find();
 
@@ -56,9 +56,9 @@ class EliminationOrder {
   void ForEachFreedom(const Act& act) const;
 
   int freedoms_ = 0, words_ = 0;
-  std::vector<Span> met_;      // clique by clique
-  std::vector<int> met_ends_;  // of each clique in met_
-  std::vector<Span> atoms_;    // freedoms that all cliques have or lack together
+  std::vector<Span> cliques_;     // clique by clique
+  std::vector<int> clique_ends_;  // of each clique in cliques_
+  std::vector<Span> atoms_;       // freedoms that all cliques have or lack together
   std::vector<int> cover_, atom_at_;
   std::vector<char> cut_;
   std::vector<int> weight_;  // freedoms that an atom meets, itself left out; -1: it is eliminated

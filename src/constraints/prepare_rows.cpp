@@ -6,7 +6,7 @@
 #include <tuple>
 #include <utility>
 
-#include "compliant_rows.hpp"
+#include "regularized_contact_problem.hpp"
 #include "tangent_rows.hpp"
 
 namespace fork1s::internal {
@@ -15,7 +15,7 @@ namespace {
 // Of the inverse mass at a contact, before anything in it cancels: what a contact gives at least, so that
 // hard ones (R = 0) have one answer. Impulses λ = -w/R are found to rounding over this, 2e-5, before they are
 // refined (piece_newton.cpp).
-constexpr double kLeastGive = 1e-11;
+constexpr double kMinRelativeRegularization = 1e-11;
 
 // Share of the larger friction coefficient that a tangent keeps, so that its row remains.
 constexpr double kMinFrictionScale = 1e-9;
@@ -38,10 +38,11 @@ void ScaleTangents(const Vector2& friction_scale, PointRows& out) {
 
 }  // namespace
 
-CompliantRows::CompliantRows() : tangents_(std::make_unique<TangentRows>()) {}
-CompliantRows::~CompliantRows() = default;
+RegularizedContactProblem::RegularizedContactProblem() : tangents_(std::make_unique<TangentRows>()) {}
+RegularizedContactProblem::~RegularizedContactProblem() = default;
 
-void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms) {
+void RegularizedContactProblem::Reserve(int num_contacts, int num_limits, int num_velocities,
+                                        int num_freedoms) {
   const auto contacts = static_cast<std::size_t>(num_contacts),
              velocities = static_cast<std::size_t>(num_velocities);
   ports.reserve(velocities / 6 + 1);
@@ -55,20 +56,21 @@ void CompliantRows::Reserve(int num_contacts, int num_limits, int num_velocities
   S_ba_.reserve(contacts);
   push_.reserve(velocities);
   F_.reserve(velocities);
-  squeeze_.x.reserve(velocities);
-  squeeze_.H.reserve(velocities * velocities);
-  met_.U.reserve(6 * velocities);
-  met_.spans.reserve(velocities);
+  internal_forces_.x.reserve(velocities);
+  internal_forces_.H.reserve(velocities * velocities);
+  block_scratch_.U.reserve(6 * velocities);
+  block_scratch_.spans.reserve(velocities);
   tangents_->Reserve(num_contacts, num_velocities);
 }
 
-bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pair, PointRows& out,
-                                 const Eigen::Ref<const VectorX>& velocities) const {
+bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const PairRows& pair,
+                                             PointRows& out,
+                                             const Eigen::Ref<const VectorX>& velocities) const {
   out.law.frozen_normal = -1;
   out.velocity.offset.setZero();
   out.velocity.shift.setZero();
   out.turning.offset.setZero();
-  out.ClearPiece();
+  out.ClearLinearization();
   PadRows(in.J_a, out.rows_a);
   PadRows(in.J_b, out.rows_b);
   out.law.coefficient = std::max(0.0, in.friction);
@@ -99,11 +101,11 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   side(pair.port_a, out.rows_a);
   side(pair.port_b, out.rows_b);
   const double trace = traces.sum(), natural = naturals.sum();
-  if (!Finite(u.sum() + trace + in.held.sum() + in.held_moment.sum() + in.friction + in.friction_scale.sum() +
-              in.torsion + in.rolling + in.compliance_normal + in.compliance_tangent + in.impulse.sum() +
-              in.moment.sum()))
+  if (!Finite(u.sum() + trace + in.previous_impulse.sum() + in.previous_moment.sum() + in.friction +
+              in.friction_scale.sum() + in.torsion + in.rolling + in.compliance_normal +
+              in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
     return false;
-  out.compliance.least_R = kLeastGive * natural / 3;
+  out.compliance.least_R = kMinRelativeRegularization * natural / 3;
   // On the axis of a hinge all of it cancels but rounding, of either sign.
   out.compliance.is_moved = trace / 3 > out.compliance.least_R;
   out.compliance.inverse_mass = out.compliance.is_moved ? trace / 3 : 0;
@@ -114,50 +116,52 @@ bool CompliantRows::PreparePoint(const ContactConstraint& in, const PairRows& pa
   out.turning.start = turning;
   out.scale.setOnes();
   if (in.friction_scale[0] != 1 || in.friction_scale[1] != 1) ScaleTangents(in.friction_scale, out);
-  out.compliance.depth = in.give;
-  out.held.tangents = in.held.tail<2>().cwiseQuotient(out.scale.tail<2>());
-  out.held.normal = in.held[0];
-  out.held.use = in.held_use;
-  out.held.moment = in.held_moment.cwiseQuotient(out.scale);
+  out.compliance.depth = in.max_penetration_speed;
+  out.previous.tangents = in.previous_impulse.tail<2>().cwiseQuotient(out.scale.tail<2>());
+  out.previous.normal = in.previous_impulse[0];
+  out.previous.utilization = in.previous_utilization;
+  out.previous.moment = in.previous_moment.cwiseQuotient(out.scale);
   out.impulse = in.impulse.cwiseQuotient(out.scale);
   out.moment = in.moment.cwiseQuotient(out.scale);
   // What a turn of the axes leaves outside the ellipse along its short axis would decide the direction of friction.
   if (out.scale[1] != out.scale[2]) {
-    const double bound = std::max(0.0, out.HeldBound());
-    out.held.tangents = out.held.tangents.cwiseMax(-bound).cwiseMin(bound);
+    const double bound = std::max(0.0, out.PreviousBound());
+    out.previous.tangents = out.previous.tangents.cwiseMax(-bound).cwiseMin(bound);
   }
   if (out.compliance.is_moved) return true;
-  out.held.normal = 0;
+  out.previous.normal = 0;
   out.impulse.setZero();
   out.moment.setZero();
   return true;
 }
 
 // Points of a pair are of one material: they give alike.
-void CompliantRows::SetGive(PairRows& pair, double most_give) {
+void RegularizedContactProblem::SetPairCompliance(PairRows& pair, double max_relative_regularization) {
   pair.R_n = pair.R_t = std::numeric_limits<double>::infinity();
   pair.least_R = 0;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
     if (!point.compliance.is_moved) continue;
-    double stiffer = std::min(1.0, most_give * point.compliance.inverse_mass / point.compliance.R_n);
-    if (point.held.normal > 0)
-      stiffer = std::min(stiffer, point.compliance.depth / (point.held.normal * point.compliance.R_n));
+    double stiffer =
+        std::min(1.0, max_relative_regularization * point.compliance.inverse_mass / point.compliance.R_n);
+    if (point.previous.normal > 0)
+      stiffer = std::min(stiffer, point.compliance.depth / (point.previous.normal * point.compliance.R_n));
     pair.R_n = std::min(pair.R_n, stiffer * point.compliance.R_n);
     pair.R_t = std::min(pair.R_t, stiffer * point.compliance.R_t);
     pair.least_R = std::max(pair.least_R, point.compliance.least_R);
     // Turning gives what the tangents do at a distance of the patch's size.
     for (int k = 0; k < 3; ++k)
       if (const double radius = point.moments.radius[k]; radius > 0)
-        point.compliance.R_turn[k] = std::max(std::min(point.compliance.R_t / (radius * radius),
-                                                       most_give * point.compliance.inverse_inertia[k]),
-                                              kLeastGive * point.compliance.inverse_inertia[k]);
+        point.compliance.R_turn[k] =
+            std::max(std::min(point.compliance.R_t / (radius * radius),
+                              max_relative_regularization * point.compliance.inverse_inertia[k]),
+                     kMinRelativeRegularization * point.compliance.inverse_inertia[k]);
   }
 }
 
 // Rows with what the material gives, and with what tangents and moments bore before: it stays while nothing
 // moves.
-void CompliantRows::ApplyGive(const PairRows& pair) {
+void RegularizedContactProblem::ApplyPairCompliance(const PairRows& pair) {
   const double R_n = std::max(pair.R_n, pair.least_R), R_t = std::max(pair.R_t, pair.least_R);
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
@@ -168,12 +172,12 @@ void CompliantRows::ApplyGive(const PairRows& pair) {
                       ? kRounding * std::sqrt(3 * point.compliance.inverse_mass) * point.reach / R_n
                       : 0;
     point.velocity.base = point.velocity.start;
-    point.velocity.base.tail<2>() -= point.compliance.R_t * point.held.tangents;
-    point.turning.base = point.turning.start - point.compliance.R_turn.cwiseProduct(point.held.moment);
+    point.velocity.base.tail<2>() -= point.compliance.R_t * point.previous.tangents;
+    point.turning.base = point.turning.start - point.compliance.R_turn.cwiseProduct(point.previous.moment);
   }
 }
 
-bool CompliantRows::Stiffen() {
+bool RegularizedContactProblem::DecreaseRegularization() {
   // Twice the depth is let pass: of what comes in one step the next one takes note.
   constexpr double kLetPass = 2;
   bool any = false;
@@ -187,14 +191,14 @@ bool CompliantRows::Stiffen() {
     if (share == 1 || pair.R_n * share < pair.least_R) continue;
     pair.R_n *= share;
     pair.R_t *= share;
-    ApplyGive(pair);
+    ApplyPairCompliance(pair);
     any = true;
   }
   return any;
 }
 
-bool CompliantRows::PrepareLimit(const LimitConstraint& in, LimitRows& out,
-                                 const Eigen::Ref<const VectorX>& velocities) const {
+bool RegularizedContactProblem::PrepareLimit(const LimitConstraint& in, LimitRows& out,
+                                             const Eigen::Ref<const VectorX>& velocities) const {
   const BlockFreedoms::Block& f = blocks_.BlockOf(in.row);
   out = LimitRows{};
   out.Y = f.Row(in.row);
@@ -204,15 +208,15 @@ bool CompliantRows::PrepareLimit(const LimitConstraint& in, LimitRows& out,
   out.sign = in.sign;
   for (int i = 0; i < f.count; ++i) out.inverse_mass += out.Y[i] * out.Y[i];
   FindSpans(out.Y, f.count, out.spans);
-  out.material_R = std::max(in.compliance, kLeastGive * out.inverse_mass);
+  out.material_R = std::max(in.compliance, kMinRelativeRegularization * out.inverse_mass);
   out.law = {out.material_R, in.lower, in.upper};
-  out.base = in.sign * velocities[in.row] + in.bias - out.material_R * in.held;
+  out.base = in.sign * velocities[in.row] + in.bias - out.material_R * in.previous_impulse;
   out.impulse = in.impulse;
   out.reach = std::abs(velocities[in.row]) + std::abs(in.bias);
   return Finite(out.base + in.impulse + out.inverse_mass) && !std::isnan(in.lower + in.upper);
 }
 
-void CompliantRows::FindOrder() {
+void RegularizedContactProblem::FindOrder() {
   elimination_.Begin(freedoms());
   for (const PairRows& pair : pairs) {
     Span spans[4];
@@ -223,21 +227,23 @@ void CompliantRows::FindOrder() {
       spans[count++] = {port.begin, port.begin + port.freedoms};
       spans[count++] = {port.begin_apart, port.begin_apart + port.freedoms_apart};
     }
-    elimination_.Meet(spans, count);
+    elimination_.Connect(spans, count);
   }
   for (const LimitRows& limit : limits) {
     Span spans[2];
     for (int i = 0; i < 2; ++i)
       spans[i] = {limit.begin + limit.spans[i].begin, limit.begin + limit.spans[i].end};
-    elimination_.Meet(spans, 2);
+    elimination_.Connect(spans, 2);
   }
   elimination_.Find();
 }
 
-bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
-                            const std::vector<ContactConstraint>& contacts, const std::vector<int>& taken,
-                            const std::vector<LimitConstraint>& limit_rows,
-                            const Eigen::Ref<const VectorX>& velocities, double most_give) {
+bool RegularizedContactProblem::Prepare(const std::vector<VelocityBlock>& blocks,
+                                        const std::vector<ContactConstraint>& contacts,
+                                        const std::vector<int>& taken,
+                                        const std::vector<LimitConstraint>& limit_rows,
+                                        const Eigen::Ref<const VectorX>& velocities,
+                                        double max_relative_regularization) {
   blocks_.SetBlocks(blocks, static_cast<int>(velocities.size()));
   ports.clear();
   pairs.clear();
@@ -268,7 +274,7 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
     ++pairs.back().count;
     if (!PreparePoint(c, pairs.back(), points[i], velocities)) return false;
   }
-  for (PairRows& pair : pairs) SetGive(pair, most_give);
+  for (PairRows& pair : pairs) SetPairCompliance(pair, max_relative_regularization);
   for (std::size_t i = 0; i < limit_rows.size(); ++i)
     if (!PrepareLimit(limit_rows[i], limits[i], velocities)) return false;
   FindOrder();
@@ -276,8 +282,8 @@ bool CompliantRows::Prepare(const std::vector<VelocityBlock>& blocks,
   S_ba_.resize(pairs.size());
   push_.resize(static_cast<std::size_t>(freedoms()));
   F_.resize(static_cast<std::size_t>(freedoms()));
-  FadeSqueeze();
-  for (const PairRows& pair : pairs) ApplyGive(pair);
+  RelaxInternalForces();
+  for (const PairRows& pair : pairs) ApplyPairCompliance(pair);
   return true;
 }
 

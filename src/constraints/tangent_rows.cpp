@@ -50,7 +50,7 @@ void TangentRows::Reserve(int contacts, int freedoms) {
   for (std::vector<double>* v : {&x_, &y_}) v->reserve(n + 4);
 }
 
-void TangentRows::FindMoved(const CompliantRows& rows) {
+void TangentRows::FindMoved(const RegularizedContactProblem& rows) {
   freedoms_ = rows.freedoms();
   moved_.resize(rows.pairs.size());
   fading_.assign(rows.pairs.size(), 0);
@@ -58,7 +58,7 @@ void TangentRows::FindMoved(const CompliantRows& rows) {
   for (std::size_t p = 0; p < rows.pairs.size(); ++p) {
     const PairRows& pair = rows.pairs[p];
     for (int i = pair.first; i < pair.first + pair.count; ++i)
-      fading_[p] += rows.points[static_cast<std::size_t>(i)].held.fades ? 1 : 0;
+      fading_[p] += rows.points[static_cast<std::size_t>(i)].previous.fades ? 1 : 0;
     if (fading_[p] == 0) continue;
     Moved& moved = moved_[p];
     moved.count = 0;
@@ -78,7 +78,7 @@ void TangentRows::Clear(const Moved& moved, double* rows_of_four) const {
     for (int f = moved.spans[k].begin; f < moved.spans[k].end; ++f) QuadAt(rows_of_four + 4 * f).setZero();
 }
 
-void TangentRows::Gather(const CompliantRows& rows, const Member* members, int count, int column,
+void TangentRows::Gather(const RegularizedContactProblem& rows, const Member* members, int count, int column,
                          double* to) {
   const PairRows& pair = rows.pairs[static_cast<std::size_t>(members->pair)];
   const auto add = [&](int index, PaddedRows PointRows::*own) {
@@ -86,7 +86,7 @@ void TangentRows::Gather(const CompliantRows& rows, const Member* members, int c
     double tangents[24] = {};
     for (int i = 0; i < count; ++i) {
       const PointRows& point = rows.points[static_cast<std::size_t>(members[i].point)];
-      const double root = std::sqrt(point.HeldBound());
+      const double root = std::sqrt(point.PreviousBound());
       for (int c = 0; c < 6; ++c)
         for (int t = 0; t < 2; ++t) tangents[4 * c + column + 2 * i + t] = root * (point.*own)(c, 1 + t);
     }
@@ -96,7 +96,7 @@ void TangentRows::Gather(const CompliantRows& rows, const Member* members, int c
   add(pair.port_b, &PointRows::rows_b);
 }
 
-bool TangentRows::IsDetermined(const CompliantRows& rows, const Member& member) {
+bool TangentRows::IsDetermined(const RegularizedContactProblem& rows, const Member& member) {
   const Moved& moved = moved_[static_cast<std::size_t>(member.pair)];
   const auto is_alone = [&](int freedom) { return cover_[static_cast<std::size_t>(freedom)] == 1; };
   double xx = 0, xy = 0, yy = 0;
@@ -116,21 +116,21 @@ bool TangentRows::IsDetermined(const CompliantRows& rows, const Member& member) 
       yy += y * y;
     }
   const PointRows& point = rows.points[static_cast<std::size_t>(member.point)];
-  const double all = 3 * point.compliance.inverse_mass * point.HeldBound();
+  const double all = 3 * point.compliance.inverse_mass * point.PreviousBound();
   // The smaller of the two eigenvalues is no less than the determinant over the trace.
   return xx * yy - xy * xy > kIndependent * all * (xx + yy);
 }
 
-int TangentRows::LeaveDetermined(CompliantRows& rows, int fading) {
+int TangentRows::DropDetermined(RegularizedContactProblem& rows, int fading) {
   FindMoved(rows);
   for (bool any = true; any && fading > 0;) {
     any = false;
     for (std::size_t p = 0; p < moved_.size(); ++p) {
       if (fading_[p] != 1) continue;
       int i = rows.pairs[p].first;
-      while (!rows.points[static_cast<std::size_t>(i)].held.fades) ++i;
+      while (!rows.points[static_cast<std::size_t>(i)].previous.fades) ++i;
       if (!IsDetermined(rows, {i, static_cast<int>(p)})) continue;
-      rows.points[static_cast<std::size_t>(i)].held.fades = false;
+      rows.points[static_cast<std::size_t>(i)].previous.fades = false;
       fading_[p] = 0;
       for (int k = 0; k < moved_[p].count; ++k)
         for (int f = moved_[p].spans[k].begin; f < moved_[p].spans[k].end; ++f)
@@ -173,14 +173,15 @@ double TangentRows::AddProducts(int groups) {
   return trace;
 }
 
-bool TangentRows::FindLeast(CompliantRows& rows, int count) {
+bool TangentRows::FindLeast(RegularizedContactProblem& rows, int count) {
   const int groups = (count + 1) / 2, size = 4 * groups;
   const auto m = static_cast<std::size_t>(size);
   members_.clear();
   for (std::size_t p = 0; p < rows.pairs.size(); ++p) {
     if (fading_[p] == 0) continue;
     for (int i = rows.pairs[p].first; i < rows.pairs[p].first + rows.pairs[p].count; ++i)
-      if (rows.points[static_cast<std::size_t>(i)].held.fades) members_.push_back({i, static_cast<int>(p)});
+      if (rows.points[static_cast<std::size_t>(i)].previous.fades)
+        members_.push_back({i, static_cast<int>(p)});
   }
   rows_.resize(std::max(rows_.size(), m * static_cast<std::size_t>(freedoms_)));
   K_.resize(m * m);
@@ -210,7 +211,8 @@ bool TangentRows::FindLeast(CompliantRows& rows, int count) {
   for (std::size_t k = 0; k < m; ++k) K_[k * (m + 1)] += proximal;
   for (std::size_t k = 0; k < members_.size(); ++k) {
     const PointRows& point = rows.points[static_cast<std::size_t>(members_[k].point)];
-    for (std::size_t t = 0; t < 2; ++t) x_[2 * k + t] = point.held.tangents[t] / std::sqrt(point.HeldBound());
+    for (std::size_t t = 0; t < 2; ++t)
+      x_[2 * k + t] = point.previous.tangents[t] / std::sqrt(point.PreviousBound());
   }
   if (!FactorCholesky(K_.data(), size)) return false;
   for (int round = 0; round < 2; ++round) {
@@ -220,7 +222,8 @@ bool TangentRows::FindLeast(CompliantRows& rows, int count) {
   }
   for (std::size_t k = 0; k < members_.size(); ++k) {
     PointRows& point = rows.points[static_cast<std::size_t>(members_[k].point)];
-    for (std::size_t t = 0; t < 2; ++t) point.held.least[t] = std::sqrt(point.HeldBound()) * x_[2 * k + t];
+    for (std::size_t t = 0; t < 2; ++t)
+      point.previous.least[t] = std::sqrt(point.PreviousBound()) * x_[2 * k + t];
   }
   return true;
 }

@@ -1,4 +1,4 @@
-// Tangents of points that stick, as rows g = M^½ G_t in freedoms. What of Σ G_tᵀλ_t (squeeze.cpp) they bear
+// Tangents of points that stick, as rows g = M^½ G_t in freedoms. What of Σ G_tᵀλ_t (internal_forces.cpp) they bear
 // when it is least, from the rows' side:
 //     µ = M^-½ λ_t,   µ' = (1 − E)² µ,   E = ε (g gᵀ + ε)⁻¹,   λ_t' = M^½ µ'
 // E is what no freedom sees, to the rounding in g gᵀ over ε: 1e-16/1e-12 of it. Taken away twice, 1e-8 are left.
@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "compliant_rows.hpp"
+#include "regularized_contact_problem.hpp"
 
 namespace fork1s::internal {
 
@@ -17,10 +17,10 @@ class TangentRows {
   /// Of the points that fade, those fade no longer whose tangents alone move something in two independent
   /// directions: no others could bear what they do. So with the next, once they are out of the count. Returns
   /// how many are left of `fading`.
-  int LeaveDetermined(CompliantRows& rows, int fading);
+  int DropDetermined(RegularizedContactProblem& rows, int fading);
   /// `least` of the points that fade, from the rows' side; `count` of them, fewer than half as many as there
-  /// are freedoms. After LeaveDetermined. False where nothing moves.
-  bool FindLeast(CompliantRows& rows, int count);
+  /// are freedoms. After DropDetermined. False where nothing moves.
+  bool FindLeast(RegularizedContactProblem& rows, int count);
 
  private:
   // Freedoms that something moves, each in one span, in order.
@@ -34,10 +34,11 @@ class TangentRows {
     int point, pair;
   };
   // Adds rows of a pair's points, freedoms x 4, from that column on.
-  static void Gather(const CompliantRows& rows, const Member* members, int count, int column, double* to);
+  static void Gather(const RegularizedContactProblem& rows, const Member* members, int count, int column,
+                     double* to);
   void Clear(const Moved& moved, double* rows_of_four) const;
-  void FindMoved(const CompliantRows& rows);
-  bool IsDetermined(const CompliantRows& rows, const Member& member);
+  void FindMoved(const RegularizedContactProblem& rows);
+  bool IsDetermined(const RegularizedContactProblem& rows, const Member& member);
   double AddProducts(int groups);
 
   int freedoms_ = 0;

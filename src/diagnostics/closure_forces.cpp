@@ -29,7 +29,8 @@ VectorX Compliances(const Mechanism& m, const Kinematics& kinematics, const Vect
 // interior's springs would. Closures that depend on each other, or nearly so, leave λ open: of all λ the one
 // nearest to `near`,
 //     λ = near + (H^-½ Aᵀ)⁺ H^-½ (g - Aᵀ near).
-VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near) {
+VectorX ClosureForces(const ConstStepContext& here, double h, const Matrix6X& contacts_R,
+                      const VectorX& near) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   FORK1S_REQUIRE(near.size() == m.num_constraints(), near.size(), m.num_constraints());

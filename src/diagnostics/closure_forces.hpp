@@ -1,7 +1,7 @@
 // What loops bear: the multipliers of the rigid closures.
 #pragma once
 
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 
 namespace fork1s {
 
@@ -11,6 +11,7 @@ namespace fork1s {
 /// interior is not in balance. What rows bear against each other where the joints can hardly yield stays
 /// that of `near` [num_constraints]. `contacts_R` [6 x bodies]: wrenches of the step's contacts in R.
 /// Allocates.
-VectorX ClosureForces(const MechanismView& here, double h, const Matrix6X& contacts_R, const VectorX& near);
+VectorX ClosureForces(const ConstStepContext& here, double h, const Matrix6X& contacts_R,
+                      const VectorX& near);
 
 }  // namespace fork1s

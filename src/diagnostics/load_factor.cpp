@@ -233,9 +233,9 @@ double LargestShare(const MatrixX& K, const MatrixX& G, const NullSpace& springs
 
 std::vector<LoadedContact> LoadedContacts(const World& world, double h) {
   const auto side_of = [&](int number) -> LoadedContact::Side {
-    const Contactor& c = world.contactors()[static_cast<std::size_t>(number)];
-    if (c.kind == Contactor::Kind::kWorld) return {};
-    if (c.kind == Contactor::Kind::kFreeBody) return {.free_body = c.index};
+    const CollisionBody& c = world.collision_bodies()[static_cast<std::size_t>(number)];
+    if (c.kind == CollisionBody::Kind::kWorld) return {};
+    if (c.kind == CollisionBody::Kind::kFreeBody) return {.free_body = c.index};
     const MechanismDynamics& m = world.mechanisms()[static_cast<std::size_t>(c.index)];
     return {.mechanism = c.index, .body = m.groups()[static_cast<std::size_t>(c.group)].body};
   };

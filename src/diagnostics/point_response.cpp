@@ -9,7 +9,7 @@ namespace fork1s {
 namespace {
 
 // Twist in R per velocity [base; w] of a body at the present pose.
-Matrix6X BodyVelocityMap(const MechanismView& here, BodyIndex body) {
+Matrix6X BodyVelocityMap(const ConstStepContext& here, BodyIndex body) {
   const auto& [model, state, ws] = here;
   const Mechanism& m = model.mechanism();
   const int r = model.size(), base = model.base_size;
@@ -26,11 +26,11 @@ Matrix6X BodyVelocityMap(const MechanismView& here, BodyIndex body) {
 }  // namespace
 
 // In a workspace of its own.
-PointResponse RespondAt(const MechanismView& now, BodyIndex body, const Vector3& point_B, double h) {
+PointResponse RespondAt(const ConstStepContext& now, BodyIndex body, const Vector3& point_B, double h) {
   MechanismState state = now.state;
   MechanismWorkspace ws = now.work;
   const MechanismModel& model = now.model;
-  const MechanismStep here{model, state, ws};
+  const StepContext here{model, state, ws};
   UseExactPose(here);
   PointResponse out;
   out.mass = model.mechanism().total_mass();

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <fstream>
 #include <iterator>
 #include <system_error>

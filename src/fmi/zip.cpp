@@ -41,7 +41,7 @@ Expected<void> WriteZip(const std::string& path, const std::vector<ZipEntry>& en
   for (const ZipEntry& entry : entries) ok = ok && Write(archive, entry);
   if (archive) ok = (zipClose(archive, nullptr) == ZIP_OK) && ok;
   if (!ok) return Fail(ErrorCode::kFile, path, "cannot be written; see that its folder exists and has room");
-  return out->Keep();
+  return out->Commit();
 }
 
 }  // namespace fork1s::fmi

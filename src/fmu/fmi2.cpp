@@ -28,7 +28,7 @@ struct Unit2 {
   fmi2Status last_step = fmi2OK;  // fmi2GetStatus
 
   // The message is a format: its percent signs, and FMI's references to variables, are none.
-  void Tell(Status status, const std::string& message) const {
+  void LogMessage(Status status, const std::string& message) const {
     if (!callbacks.logger || (status == Status::kWarning && !logs_warnings)) return;
     std::string format;
     for (const char c : message) format += c == '%' ? "%%" : c == '#' ? "##" : std::string(1, c);
@@ -45,7 +45,7 @@ fmi2Status Call(fmi2Component component, const char* function, const F& f) noexc
   if (!component) return fmi2Error;
   const Unit2& unit = *UnitOf(component);
   return static_cast<fmi2Status>(GuardCall(
-      function, [&](Status status, const std::string& message) { unit.Tell(status, message); },
+      function, [&](Status status, const std::string& message) { unit.LogMessage(status, message); },
       [&] { f(*unit.instance); }));
 }
 
@@ -131,7 +131,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
   if (functions) unit->callbacks = *functions;
   unit->logs_warnings = loggingOn != fmi2False;
   const auto log = [of = unit.get()](Status status, const std::string& message) {
-    of->Tell(status, message);
+    of->LogMessage(status, message);
   };
   const Status status = GuardCall(__func__, log, [&] {
     if (instanceName) unit->name = instanceName;

@@ -25,7 +25,7 @@ struct Unit3 {
   bool logs_warnings = false;
   std::unique_ptr<Instance> instance;
 
-  void Tell(Status status, const std::string& message) const {
+  void LogMessage(Status status, const std::string& message) const {
     if (!log || (status == Status::kWarning && !logs_warnings)) return;
     log(environment, static_cast<fmi3Status>(status),
         status == Status::kWarning ? "logStatusWarning" : "logStatusError", message.c_str());
@@ -40,7 +40,7 @@ fmi3Status Call(fmi3Instance instance, const char* function, const F& f) noexcep
   if (!instance) return fmi3Error;
   const Unit3& unit = *UnitOf(instance);
   return static_cast<fmi3Status>(GuardCall(
-      function, [&](Status status, const std::string& message) { unit.Tell(status, message); },
+      function, [&](Status status, const std::string& message) { unit.LogMessage(status, message); },
       [&] { f(*unit.instance); }));
 }
 
@@ -125,7 +125,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String, fmi3String instantiationTok
   unit->log = logMessage;
   unit->logs_warnings = loggingOn;
   const auto log = [of = unit.get()](Status status, const std::string& message) {
-    of->Tell(status, message);
+    of->LogMessage(status, message);
   };
   const Status status = GuardCall(__func__, log, [&] {
     RequireGiven(instantiationToken, "instantiationToken");

@@ -13,7 +13,7 @@ namespace fork1s::fmu {
 namespace {
 
 using internal::Refused;
-using internal::Take;
+using internal::ValueOrThrow;
 
 // Of a step: what a master loses by adding up times in floating point, and far less than the half step at which the
 // number of steps is in doubt.
@@ -56,13 +56,14 @@ void FreeState(void** state) {
 }
 
 Instance Instance::Read(const std::string& resources, const std::string& token, Log log) {
-  const std::string own = Take(fmi::ReadToken(resources));
+  const std::string own = ValueOrThrow(fmi::ReadToken(resources));
   if (own != token)
     Misuse("the token '" + token + "' is not that of the resources in " + resources + ", '" + own +
            "'; take description, program and resources from the same archive");
-  fmi::UnitModel model = Take(fmi::ReadResources(resources));
+  fmi::UnitModel model = ValueOrThrow(fmi::ReadResources(resources));
   std::vector<FileJoint> joints = MovingJoints(model.imported.joints, model.imported.scene);
-  Simulation simulation = Take(Simulation::Create(std::move(model.imported.scene), model.options), resources);
+  Simulation simulation =
+      ValueOrThrow(Simulation::Create(std::move(model.imported.scene), model.options), resources);
   for (const int body : model.bodies)
     if (body < 0 || static_cast<std::size_t>(body) >= simulation.bodies().size())
       throw Refused{{ErrorCode::kFormat, resources + "/unit.json",
@@ -74,7 +75,7 @@ Instance Instance::Read(const std::string& resources, const std::string& token, 
 
 Instance::Instance(const std::string& resources, const std::string& token, Log log)
     : Instance(Read(resources, token, std::move(log))) {
-  for (const std::string& warning : simulation_.warnings()) Tell(Status::kWarning, warning);
+  for (const std::string& warning : simulation_.warnings()) LogMessage(Status::kWarning, warning);
   start_ = Save();
 }
 
@@ -89,7 +90,7 @@ Instance::Instance(fmi::VariableList variables, std::vector<FileJoint> joints, S
   for (std::size_t i = 0; i < values_.size(); ++i) values_[i] = variables_.all[i].start;
 }
 
-void Instance::Tell(Status status, const std::string& message) const noexcept {
+void Instance::LogMessage(Status status, const std::string& message) const noexcept {
   try {
     if (log_) log_(status, message);
   } catch (...) {  // the status says it
@@ -154,9 +155,9 @@ void Instance::Set(std::uint32_t reference, double value) {
   if (variable.lower < variable.upper && (value < variable.lower || value > variable.upper) &&
       !told_beyond_[reference]) {
     told_beyond_[reference] = true;
-    Tell(Status::kWarning,
-         Join("'", variable.name, "' is set to ", value, ", outside its range from ", variable.lower, " to ",
-              variable.upper, ", and moved to the nearest end; this is said once"));
+    LogMessage(Status::kWarning,
+               Join("'", variable.name, "' is set to ", value, ", outside its range from ", variable.lower,
+                    " to ", variable.upper, ", and moved to the nearest end; this is said once"));
   }
   values_[reference] = value;
   has_sensors_ = false;
@@ -219,7 +220,7 @@ void Instance::Step(double point, double size) {
     simulation_.StartFromControls();
   }
   SetControls(static_cast<double>(steps) * dt);
-  ForgetOutputs();
+  ClearOutputs();
   report_ = internal::RunSteps(simulation_, steps, moves, [&](int i) { ApplyWrenches(i); });
   std::fill(derivatives_.begin(), derivatives_.end(), 0);
   if (report_.finite) return;
@@ -243,17 +244,17 @@ std::unique_ptr<Instance::State> Instance::Save() const {
 void Instance::Restore(const State& state) {
   if (state.inputs.size() != values_.size())
     Misuse("the state is of another unit; set one of an instance of this");
-  Take(simulation_.Restore(state.simulation));
+  ValueOrThrow(simulation_.Restore(state.simulation));
   phase_ = state.phase;
   start_time_ = state.start_time;
   values_ = state.inputs;
   derivatives_ = state.derivatives;
   report_ = state.report;
   sensors_.reset();
-  ForgetOutputs();
+  ClearOutputs();
 }
 
-void Instance::ForgetOutputs() { has_bodies_ = has_joints_ = has_sensors_ = false; }
+void Instance::ClearOutputs() { has_bodies_ = has_joints_ = has_sensors_ = false; }
 
 void Instance::UpdateBodies() {
   if (has_bodies_) return;

@@ -53,7 +53,7 @@ class Instance {
   std::unique_ptr<State> Save() const;
   void Restore(const State& state);
 
-  void Tell(Status status, const std::string& message) const noexcept;
+  void LogMessage(Status status, const std::string& message) const noexcept;
 
  private:
   Instance(fmi::VariableList variables, std::vector<FileJoint> joints, Simulation simulation, Log log);
@@ -62,7 +62,7 @@ class Instance {
   void RequireInput(std::uint32_t reference, const char* action) const;
   void SetControls(double size);
   void ApplyWrenches(int step);
-  void ForgetOutputs();
+  void ClearOutputs();
   void UpdateBodies();
   void UpdateJoints();
   void UpdateSensors();

@@ -1,4 +1,4 @@
-// Models that attach others (<model file>), which the reader reads anew wherever they are named.
+// Models that attach others (<model file>), which the reader reads again wherever they are named.
 #pragma once
 
 #include <fork1s/base/error.hpp>

@@ -75,7 +75,7 @@ class Gatherer {
     return true;
   }
 
-  MeshData Take() { return std::move(out_); }
+  MeshData Release() { return std::move(out_); }
 
  private:
   bool AddMesh(const aiMesh& mesh, const Eigen::Matrix4d& X) {
@@ -198,7 +198,7 @@ tl::expected<MeshData, MeshFault> ReadMeshFile(const std::string& path, const Ve
       return fail({ErrorCode::kModel, fmt::format("it has more than {} vertices", kMostVertices),
                    "simplify it before it is used here"});
     }
-    MeshData mesh = gatherer.Take();
+    MeshData mesh = gatherer.Release();
     if (auto fault = CheckSolid(mesh)) return fail(std::move(*fault));
     return mesh;
   } catch (const std::exception& e) {

@@ -69,7 +69,7 @@ class ModelEditor {
     Replace(root.close, 0, fmt::format("  <keyframe>\n    {}\n  </keyframe>\n", moment));
   }
 
-  ChangedText Take() {
+  ChangedText Release() {
     for (const auto& [tag, g] : general_) WriteGeneral(tags_[tag], g);
     // From the end on, so that places before stay what they are.
     std::stable_sort(edits_.begin(), edits_.end(), [](const Edit& a, const Edit& b) { return a.at > b.at; });
@@ -234,7 +234,7 @@ Expected<ChangedText> ChangeModelText(const std::string& path, const std::string
   ModelEditor editor(text);
   for (const ModelChange& change : changes) editor.Make(change);
   editor.Add(moment);
-  return editor.Take();
+  return editor.Release();
 }
 
 }  // namespace fork1s

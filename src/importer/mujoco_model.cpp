@@ -289,7 +289,7 @@ Expected<EditableModel> EditableModel::Parse(ModelSource source) {
 namespace {
 
 // Operating length ranges of muscles, which MuJoCo finds by simulation; [0, 0] where it finds none. As its compiler
-// does, by joints and their limits alone. Where the simulation diverges it may not begin anew: it would never end.
+// does, by joints and their limits alone. Where the simulation diverges it may not begin again: it would never end.
 void FindLengthRanges(const mjLROpt& options, mjModel& model) {
   std::unique_ptr<mjData, MjDataDeleter> data;
   const mjOption own = model.opt;

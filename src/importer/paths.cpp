@@ -6,7 +6,7 @@
 namespace fork1s::internal {
 namespace {
 
-PathDef ThreadOf(const Conversion& c, int t, int mechanism) {
+PathDef TendonOf(const Conversion& c, int t, int mechanism) {
   const mjModel& m = c.m;
   const auto point = [&](int site, BodyIndex& on) {
     const Anchor at = AnchorIn(c, mechanism, m.site_bodyid[site]);
@@ -124,7 +124,7 @@ int Conversion::PathOf(const Length& length) {
   auto& paths = scene.mechanisms[static_cast<std::size_t>(mechanism)].paths;
   made = static_cast<int>(paths.size());
   if (thread)
-    paths.push_back(ThreadOf(*this, length.tendon, mechanism));
+    paths.push_back(TendonOf(*this, length.tendon, mechanism));
   else if (IsOnBall(m, length.actuator))
     paths.push_back(PathOfBall(*this, length.actuator, mechanism));
   else if (IsOnFreeJoint(m, length.actuator))

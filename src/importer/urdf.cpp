@@ -38,7 +38,7 @@ const char* LinkOf(const XMLElement& joint, const char* end) {
   return element != nullptr ? element->Attribute("link") : nullptr;
 }
 
-// Words where numbers belong, with the lines of the file: the reader sees the text written anew.
+// Words where numbers belong, with the lines of the file: the reader sees the text written again.
 std::optional<Error> CheckAttributes(const UrdfWork& work, const XMLElement& parent) {
   static const std::set<std::string> numbers = {"xyz",      "rpy",    "lower",      "upper",   "effort",
                                                 "velocity", "size",   "radius",     "damping", "friction",

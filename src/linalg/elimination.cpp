@@ -35,7 +35,7 @@ bool EliminatedNullSpace(const MatrixX& A, MatrixX& Z) {
     double largest = 0;
     for (Eigen::Index j = 0; j < n; ++j) largest = std::max(largest, std::abs(row[j]));
     if (!(largest > kClearPivot)) return false;
-    // Of the large ones that which fewest rows hear: a joint of one loop before one that loops share.
+    // Of the large ones that which fewest rows depend on: a joint of one loop before one that loops share.
     Eigen::Index best = -1;
     for (Eigen::Index j = 0; j < n; ++j) {
       if (std::abs(row[j]) < kPivotShare * largest) continue;

@@ -16,7 +16,7 @@ void Subtract(double factor, const double* x, int n, double* y) {
 
 // Rows of 4 kQuads right sides, `stride` apart, swapped already: row i less the multiples of others that
 // stand in row i of LU, from `first` to `last` in steps of `step`, 1 or -1. The row stays in registers
-// meanwhile; four multiples that are 0 are passed over, as where a loop does not hear another.
+// meanwhile; four multiples that are 0 are passed over, as where a loop does not depend on another.
 template <int kQuads>
 void SubtractRows(const double* LU, std::ptrdiff_t n, int i, int first, int last, int step,
                   std::ptrdiff_t stride, double* x) {

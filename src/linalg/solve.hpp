@@ -12,7 +12,7 @@ namespace fork1s {
 /// A⁻¹ B by LU with row pivoting; not finite where A is singular.
 MatrixX SolveSquare(const MatrixX& A, const MatrixX& B);
 
-/// re + i im. Kept apart, since a compiler makes every product and sum of complex matrices anew.
+/// re + i im. Kept apart, since a compiler makes every product and sum of complex matrices again.
 struct ComplexMatrix {
   MatrixX re, im;
 };

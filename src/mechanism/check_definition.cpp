@@ -122,7 +122,7 @@ Expected<void> CheckRef(const MechanismDef& def, const FreedomRef& ref, const st
   return {};
 }
 
-Expected<void> CheckUse(const MechanismDef& def, const PathUse& use, const std::string& where) {
+Expected<void> CheckUse(const MechanismDef& def, const PathRef& use, const std::string& where) {
   if (use.path < -1 || use.path >= static_cast<int>(def.paths.size()))
     return Refuse(where, "acts along a path that does not exist");
   if (!std::isfinite(use.gear)) return Refuse(where, "acts along a path with a gear that is not finite");

@@ -1,7 +1,7 @@
 #include "closures.hpp"
 #include "linalg/rank.hpp"
 #include "linalg/solve.hpp"
-#include "mechanism/one_unit.hpp"
+#include "mechanism/coordinate_scaling.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -119,7 +119,7 @@ double CloseLoops(const Mechanism& mechanism, VectorX& q, int max_iterations) {
   if (mechanism.num_constraints() == 0) return 0;
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
-  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  const CoordinateScaling unit = ComputeCoordinateScaling(mechanism, kinematics);
   // Of joints in one unit, softest 1: H^-½ of docs/method.md, section 2.
   const VectorX k = mechanism.stiffness().cwiseProduct(unit.coordinate.cwiseAbs2());
   const double least = 1e-3 * std::max(k.maxCoeff(), std::numeric_limits<double>::min());
@@ -132,7 +132,7 @@ double CloseLoops(const Mechanism& mechanism, VectorX& q, int max_iterations) {
     if (i == max_iterations || gap < 1e-13 * mechanism.length_scale() || !std::isfinite(gap)) break;
     ClosureResidual(mechanism, kinematics, q, c);
     // The smallest step in a metric in which stiff joints give way last.
-    const MatrixX A_x = ClosureRowsInOneUnit(mechanism, kinematics, q, unit, &row);
+    const MatrixX A_x = ScaledClosureRows(mechanism, kinematics, q, unit, &row);
     const VectorX step_x = yielding.cwiseProduct(
         VectorX(LeastNormSolve(A_x * yielding.asDiagonal(), row.cwiseProduct(c), kRankThreshold)));
     VectorX step = unit.coordinate.cwiseProduct(step_x);

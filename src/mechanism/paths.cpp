@@ -82,7 +82,7 @@ void ComputeWrench(const Mechanism& mechanism, const Mechanism::Path& path, cons
   if (!path.gear.head<3>().isZero(0)) out.length += path.gear.head<3>().dot(LogRotation(X_FO.rotation()));
 }
 
-void ComputeThread(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+void ComputeTendon(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
                    PathState& out) {
   const auto place = [&](BodyIndex b, const Vector3& p_B) -> Vector3 { return kinematics.X_RB[b.u()] * p_B; };
   double divisor = 1;
@@ -186,8 +186,8 @@ void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const 
   for (auto& arm : out.arms) arm.second = 0;
   if (!path.rates.empty()) return ComputeRates(mechanism, path, kinematics, q, out);
   switch (path.kind) {
-    case PathKind::kThread:
-      return ComputeThread(mechanism, path, kinematics, out);
+    case PathKind::kTendon:
+      return ComputeTendon(mechanism, path, kinematics, out);
     case PathKind::kSliderCrank:
       return ComputeSliderCrank(mechanism, path, kinematics, out);
     case PathKind::kWrench:
@@ -236,7 +236,7 @@ Expected<void> CheckPath(const MechanismDef& def, const PathDef& path) {
     return Fail(ErrorCode::kModel, fmt::format("path '{}', element {}", path.name, at + 1), what);
   };
   const auto known = [&](BodyIndex b) { return b.valid() && b.u() < def.bodies.size(); };
-  if (path.kind != PathKind::kThread) return CheckFrames(def, path, known, refuse);
+  if (path.kind != PathKind::kTendon) return CheckFrames(def, path, known, refuse);
   const auto kind = [&](std::size_t i) {
     return i < path.elements.size() ? path.elements[i].kind : Kind::kPulley;
   };

@@ -19,7 +19,7 @@ struct FlatWrap {
 double Cross(const Vector2& a, const Vector2& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 // Whether the segments a-b and c-d meet.
-bool Meet(const Vector2& a, const Vector2& b, const Vector2& c, const Vector2& d) {
+bool Intersect(const Vector2& a, const Vector2& b, const Vector2& c, const Vector2& d) {
   const Vector2 u = b - a, v = d - c, w = c - a;
   const double det = Cross(u, v);
   if (std::abs(det) < kNothing) return false;
@@ -74,7 +74,7 @@ FlatWrap WrapOutside(const Vector2& a, const Vector2& b, double radius, const Ve
   for (int i = 0; i < 2; ++i) {
     ways[i] = WrapWith(a, b, radius, i == 0 ? -1 : 1);
     merit[i] = -(ways[i].first - ways[i].last).squaredNorm();
-    crosses[i] = Meet(a, ways[i].first, b, ways[i].last);
+    crosses[i] = Intersect(a, ways[i].first, b, ways[i].last);
   }
   int chosen = merit[0] > merit[1] ? 0 : 1;
   if (crosses[chosen] && !crosses[1 - chosen]) chosen = 1 - chosen;

@@ -45,7 +45,7 @@ class Table {
   Expected<void> Close() {
     if (!output_) return tl::unexpected(output_.error());
     out_.close();
-    if (out_) return output_->Keep();
+    if (out_) return output_->Commit();
     const std::string remedy = "check the folder, its permissions and the disk's room";
     return Fail(ErrorCode::kFile, path_,
                 "cannot be written" + (error_ != 0 ? " " + CauseAndRemedy(error_, remedy) : "; " + remedy));

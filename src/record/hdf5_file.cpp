@@ -288,7 +288,7 @@ std::string ReadText(hid_t parent, const std::string& name, std::size_t most) {
   return std::move(texts[0]);
 }
 
-FileFacts LookAt(const std::string& path) {
+FileFacts InspectFile(const std::string& path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error)) throw Hdf5Fault("there is no such file", ErrorCode::kFile);
   if (!std::filesystem::is_regular_file(path, error))
@@ -316,4 +316,4 @@ FileFacts LookAt(const std::string& path) {
 
 }  // namespace fork1s::internal
 
-void fork1s::LeaveHdf5AsItIsAtExit() { H5dont_atexit(); }
+void fork1s::DisableHdf5Cleanup() { H5dont_atexit(); }

@@ -166,6 +166,6 @@ struct FileFacts {
   /// What a damaged file may make us allocate.
   std::size_t MostBytes() const { return size + (std::size_t{16} << 20); }
 };
-FileFacts LookAt(const std::string& path);
+FileFacts InspectFile(const std::string& path);
 
 }  // namespace fork1s::internal

@@ -31,7 +31,7 @@ Expected<void> SaveImportedScene(const ImportedScene& imported, const std::strin
 Expected<ImportedScene> LoadImportedScene(const std::string& path) {
   const QuietHdf5 quiet;
   try {
-    const FileFacts facts = LookAt(path);
+    const FileFacts facts = InspectFile(path);
     // HDF5's own driver follows links, and a file in memory has no other name.
     DiskState disk;
     const Hdf5 access = DiskAccess(disk);

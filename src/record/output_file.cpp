@@ -158,7 +158,7 @@ Expected<OutputFile> OutputFile::Create(const std::string& path, const FileKind&
 
 const std::string& OutputFile::part() const { return detail_->part; }
 
-Expected<void> OutputFile::Keep() {
+Expected<void> OutputFile::Commit() {
   Detail& d = *detail_;
   FORK1S_REQUIRE(!d.kept, "kept before");
   const bool as_found = d.replaced ? IsAt(d.replaced_facts, d.place) : !fs::exists(d.place);
@@ -198,7 +198,7 @@ Expected<void> WriteFile(const std::string& path, const FileKind& kind, std::str
   auto out = OutputFile::Create(path, kind);
   if (!out) return tl::unexpected(out.error());
   if (auto ok = write_to(out->part(), O_TRUNC); !ok) return ok;
-  return out->Keep();
+  return out->Commit();
 }
 
 }  // namespace fork1s

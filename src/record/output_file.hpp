@@ -37,7 +37,7 @@ class OutputFile {
   /// The name to write under until it is kept; the file is there and empty.
   const std::string& part() const;
   /// Puts the file in its place. Errors: kFile, and then nothing has changed.
-  Expected<void> Keep();
+  Expected<void> Commit();
   /// Whether the file that was kept still has its name: no other program removed, renamed or replaced it.
   bool IsInPlace() const;
 

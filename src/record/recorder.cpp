@@ -201,7 +201,7 @@ Expected<Recorder> Recorder::Create(const std::string& path, const Simulation& s
     return Fail(ErrorCode::kFile, path, d.disk.failed() ? d.WriteFailure() : e.what());
   }
   // Only now does a file that was there before give way.
-  if (auto kept = d.output->Keep(); !kept) return tl::unexpected(kept.error());
+  if (auto kept = d.output->Commit(); !kept) return tl::unexpected(kept.error());
   recorder.detail_ = std::move(detail);
   return recorder;
 }
@@ -239,8 +239,8 @@ void Recorder::Detail::CollectContacts(const Simulation& simulation) {
   for (const ContactRecord& c : simulation.world().contacts()) {
     if (!(c.impulse(0) > 0)) continue;
     const Vector3 force = c.point.frame.transpose() * c.impulse / h;
-    s.contact_body_a.push_back(simulation.BodyOfContactor(c.point.body_a));
-    s.contact_body_b.push_back(simulation.BodyOfContactor(c.point.body_b));
+    s.contact_body_a.push_back(simulation.BodyOfCollisionBody(c.point.body_a));
+    s.contact_body_b.push_back(simulation.BodyOfCollisionBody(c.point.body_b));
     for (int k = 0; k < 3; ++k) {
       s.contact_point.push_back(c.point.point(k));
       s.contact_normal.push_back(c.point.frame(0, k));
@@ -249,7 +249,7 @@ void Recorder::Detail::CollectContacts(const Simulation& simulation) {
     s.contact_gap.push_back(c.point.gap);
     s.contact_friction.push_back(c.friction);
   }
-  for (const HoldForce& f : simulation.HoldForces()) {
+  for (const FrozenContactForce& f : simulation.FrozenContactForces()) {
     s.contact_body_a.push_back(f.body);
     s.contact_body_b.push_back(f.held);
     for (int k = 0; k < 3; ++k) {
@@ -307,7 +307,7 @@ void Recorder::Detail::CollectStep(const Simulation& simulation, const StepRepor
   s.contacts.push_back(report.contacts);
   s.limits.push_back(report.limits);
   s.newton_iterations.push_back(report.solver.newton_iterations);
-  s.contact_stage.push_back(report.solver.stage);
+  s.contact_stage.push_back(report.solver.fallback);
   s.refreshes.push_back(report.refreshes);
   s.failed_refreshes.push_back(report.failed_refreshes);
   s.converged.push_back(report.IsSolved() ? 1 : 0);

@@ -118,7 +118,7 @@ StepReport Recording::Report(int step) const {
   r.contacts = data_.contacts[i];
   r.limits = data_.limits[i];
   r.solver.newton_iterations = data_.newton_iterations[i];
-  r.solver.stage = data_.contact_stage[i];
+  r.solver.fallback = data_.contact_stage[i];
   r.solver.residual = data_.residual[i];
   r.solver.converged = r.stages_converged = data_.converged[i] != 0;
   r.max_penetration = data_.max_penetration[i];

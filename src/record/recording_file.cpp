@@ -98,7 +98,7 @@ Expected<RecordingHeader> ReadHeader(hid_t file, const std::string& path, const 
 }
 
 Expected<OpenRecording> OpenRecordingFile(const std::string& path) {
-  const FileFacts facts = LookAt(path);
+  const FileFacts facts = InspectFile(path);
   if (!facts.is_hdf5)
     return Fail(facts.size == 0 ? ErrorCode::kFile : ErrorCode::kFormat, path,
                 facts.size == 0 ? "is empty; the recording was never begun, record again"

@@ -208,7 +208,7 @@ class ReferenceHash {
 
 }  // namespace
 
-// What moves when a model is taken anew: its reference, or by other stiffnesses and modes its inertia. Q is
+// What moves in a relinearization: its reference, or by other stiffnesses and modes its inertia. Q is
 // long where few coordinates move many joints, and is asked in places.
 std::uint64_t RecoveryReference(const Simulation& simulation) {
   ReferenceHash hash;

@@ -208,13 +208,13 @@ Expected<void> SaveReducedModel(const ReducedModel& model, const std::string& pa
     if (!disk.failed()) return Fail(ErrorCode::kFile, path, e.what());
   }
   if (disk.failed()) return Fail(ErrorCode::kFile, path, "cannot be written: " + disk.Reason());
-  return output->Keep();
+  return output->Commit();
 }
 
 Expected<ReducedModel> LoadReducedModel(const std::string& path) {
   const QuietHdf5 quiet;
   try {
-    const FileFacts facts = LookAt(path);
+    const FileFacts facts = InspectFile(path);
     if (!facts.is_hdf5)
       return Fail(ErrorCode::kFormat, path,
                   "is no HDF5 file; reduced models are written by SaveReducedModel");

@@ -189,7 +189,7 @@ void Fields(A& a, Like<PathDef, A>& s) {
 }
 
 template <class A>
-void Fields(A& a, Like<PathUse, A>& s) {
+void Fields(A& a, Like<PathRef, A>& s) {
   auto& [path, gear] = s;
   a("path", path), a("gear", gear);
 }
@@ -415,8 +415,9 @@ void Fields(A& a, Like<ImportOptions, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ContactSolverOptions, A>& s) {
-  auto& [tolerance, max_newton_iterations, most_give] = s;
-  a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations), a("most_give", most_give);
+  auto& [tolerance, max_newton_iterations, max_relative_regularization] = s;
+  a("tolerance", tolerance), a("max_newton_iterations", max_newton_iterations),
+      a("most_give", max_relative_regularization);
 }
 
 template <class A>

@@ -127,14 +127,14 @@ void Fields(A& a, Like<Fidelity, A>& s) {
 }
 
 template <class A>
-void Fields(A& a, Like<Hold::Contact, A>& s) {
+void Fields(A& a, Like<FrozenGrasp::Contact, A>& s) {
   auto& [mechanism, body, X_BC, force_C, friction, frictionless, rolling] = s;
   a("mechanism", mechanism), a("body", body), a("X_BC", X_BC), a("force_C", force_C);
   a("friction", friction), a("frictionless", frictionless), a("rolling", rolling);
 }
 
 template <class A>
-void Fields(A& a, Like<Hold, A>& s) {
+void Fields(A& a, Like<FrozenGrasp, A>& s) {
   auto& [free_body, contacts] = s;
   a("free_body", free_body), a("contacts", contacts);
 }
@@ -247,10 +247,10 @@ void Fields(A& a, Like<SwitchedClosureRecord, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<WorldState, A>& s) {
-  auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction, rows,
+  auto& [mechanisms, free_bodies, contacts, contacts_h, collision_body_poses, contraction, rows,
          switched_closures] = s;
   a("mechanisms", mechanisms), a("free_bodies", free_bodies), a("contacts", contacts);
-  a("contacts_h", contacts_h), a("contactor_poses", contactor_poses), a("contraction", contraction);
+  a("contacts_h", contacts_h), a("contactor_poses", collision_body_poses), a("contraction", contraction);
   a("rows", rows), a("switched_closures", switched_closures);
 }
 

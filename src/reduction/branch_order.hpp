@@ -9,7 +9,7 @@ namespace fork1s::internal {
 
 /// Elastic columns of a diagonal basis in depth-first order of their joints, each joint before those that it
 /// carries and a branch in one run. In these coordinates, taken from the last to the first, the operator of a
-/// step fills nothing in: a finger hears itself and the arm that carries it.
+/// step fills nothing in: a finger depends on itself and the arm that carries it.
 std::vector<int> BranchOrder(const Mechanism& mechanism, const ElasticBasis& basis);
 
 /// The identity with its columns in BranchOrder, elastic x elastic.

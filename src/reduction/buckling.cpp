@@ -18,7 +18,7 @@ MatrixX ProjectOntoClosedMotions(const Mechanism& mechanism, const internal::Loa
                                  const VectorX& q, const MatrixX& motions) {
   if (mechanism.num_constraints() == 0) return motions;
   const VectorX& unit = loaded.unit().coordinate;
-  const MatrixX A = ClosureRowsInOneUnit(mechanism, loaded.kinematics(), q, loaded.unit());
+  const MatrixX A = ScaledClosureRows(mechanism, loaded.kinematics(), q, loaded.unit());
   const MatrixX seen = ComputeNullSpace(A).seen, x = ScaledRows(unit.cwiseInverse(), motions);
   return ScaledRows(unit, x - Times(seen, TransposedTimes(seen, x)));
 }

@@ -32,9 +32,9 @@ struct Loops {
 };
 
 Loops CollectLoops(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
-                   const OneUnit& unit) {
-  const MatrixX rigid = ClosureRowsInOneUnit(mechanism, kinematics, q, unit);
-  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics, q, unit);
+                   const CoordinateScaling& unit) {
+  const MatrixX rigid = ScaledClosureRows(mechanism, kinematics, q, unit);
+  const SpringRows springs = ScaledSpringRows(mechanism, kinematics, q, unit);
   std::vector<int> soft;
   for (std::size_t i = 0; i < springs.joint.size(); ++i)
     if (springs.joint[i] < 0) soft.push_back(static_cast<int>(i));
@@ -171,7 +171,7 @@ InterfaceCompliance WalkCompliance(const Mechanism& mechanism, const VectorX& q,
   const double L = mechanism.length_scale();
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
-  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  const CoordinateScaling unit = ComputeCoordinateScaling(mechanism, kinematics);
   const Loops loops = CollectLoops(mechanism, kinematics, q, unit);
   const Parts parts = Divide(mechanism, loops.W, locked);
   const MatrixX J_x =

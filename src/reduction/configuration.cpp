@@ -173,7 +173,7 @@ bool Start(const ReducedModel& model, const ReducedState& state, Configuration& 
 
 // µ along the tangent of a pose before, closed and factored: A (Δq_bar - B Δµ) = 0. Its second derivative
 // would save a chord in a step, and costs as much.
-void Foresee(const ReducedModel& model, Configuration& out) {
+void PredictByTangent(const ReducedModel& model, Configuration& out) {
   out.q_move = out.q_bar - out.q_bar_before;
   model.loops.Apply(out.A, out.q_move, out.d);
   out.factor.SolveInPlace(out.d);
@@ -181,16 +181,16 @@ void Foresee(const ReducedModel& model, Configuration& out) {
 }
 
 // The pose at hand is the one that later ones are foreseen from.
-void ForeseeFromHere(Configuration& out) {
+void SetTangentPredictor(Configuration& out) {
   out.q_bar_before = out.q_bar;
   out.mu_before = out.mu;
-  out.foresees = out.factor.ok();
+  out.has_tangent_predictor = out.factor.ok();
 }
 
 // Factor and derivative at the pose that µ gives.
 void Finish(const ReducedModel& model, Configuration& out) {
   FactorLoops(model, out);
-  ForeseeFromHere(out);
+  SetTangentPredictor(out);
   model.loops.Apply(out.A, model.Q_rows, out.W);
   out.factor.SolveInPlace(out.W);
   out.Q_now = model.Q_rows;
@@ -221,15 +221,15 @@ namespace {
 bool Close(const ReducedModel& model, int max_corrections, Configuration& out) {
   if (max_corrections == 0 || !out.mu.allFinite())
     out.mu.setZero();
-  else if (out.foresees)
-    Foresee(model, out);
+  else if (out.has_tangent_predictor)
+    PredictByTangent(model, out);
   Place(model, out);
   // A chord that gains less than this costs more than a new factor.
   constexpr double kGain = 0.3;
   // A linearized closure means nothing beyond half a radian, or half a length of the mechanism.
   constexpr double kFarthest = 0.5;
   double residual = out.c.cwiseAbs().maxCoeff();
-  bool stale = !out.foresees, factored = false;
+  bool stale = !out.has_tangent_predictor, factored = false;
   for (; out.corrections < max_corrections && residual >= out.closed; ++out.corrections) {
     if (stale) FactorLoops(model, out);
     factored = factored || stale;
@@ -261,10 +261,10 @@ void Configure(const ReducedModel& model, const ReducedState& state, Configurati
 void ConfigurePose(const ReducedModel& model, const ReducedState& state, Configuration& out) {
   if (!Start(model, state, out)) return;
   if (model.curvature.exists()) return Curve(model, state, out);
-  if (Close(model, kMostCorrections, out)) ForeseeFromHere(out);
+  if (Close(model, kMostCorrections, out)) SetTangentPredictor(out);
 }
 
-void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g) {
+void RemoveConstraintReactions(const ReducedModel& model, Configuration& c, VectorX& g) {
   if (model.loop_rank() == 0 || model.curvature.exists()) return;
   model.loops.Apply(model.B, g, c.d);
   c.factor.SolveTransposedInPlace(c.d);

@@ -1,4 +1,4 @@
-// Which joint coordinates hear each other.
+// Which joint coordinates depend on each other.
 #pragma once
 
 #include <fork1s/mechanism/mechanism.hpp>
@@ -7,7 +7,7 @@
 namespace fork1s::internal {
 
 /// Joint coordinates that joints on one path, loops, couplings or springs join, ascending, in the order of
-/// their first. While the base is held or driven, what one group does no other hears: fingers of a hand on
+/// their first. While the base is held or driven, what one group does no other depends on: fingers of a hand on
 /// its wrist.
 std::vector<std::vector<int>> CoordinateGroups(const Mechanism& mechanism);
 

@@ -46,12 +46,12 @@ MatrixX ElasticBasis::DenseFree(int n) const {
   return dense;
 }
 
-MatrixX ElasticBasis::FreeInOneUnit(int n) const {
+MatrixX ElasticBasis::ScaledFreeDirections(int n) const {
   if (!diagonal) return ScaledRows(scale.cwiseInverse(), N);
   return DenseFree(n);
 }
 
-bool ElasticBasis::Feels(const MatrixX& J_x) const {
+bool ElasticBasis::HasElasticMotion(const MatrixX& J_x) const {
   if (num_elastic() == 0 || J_x.rows() == 0) return false;
   return (diagonal ? Columns(J_x, sprung) : Times(J_x, elastic_x)).cwiseAbs().maxCoeff() > kRankThreshold;
 }
@@ -91,8 +91,8 @@ namespace {
 
 // x-space basis of the motions that keep loops closed.
 NullSpace Closed(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
-                 const OneUnit& unit) {
-  return ComputeNullSpace(ClosureRowsInOneUnit(mechanism, kinematics, q, unit));
+                 const CoordinateScaling& unit) {
+  return ComputeNullSpace(ScaledClosureRows(mechanism, kinematics, q, unit));
 }
 
 // Columns of one group, on its coordinates.
@@ -109,7 +109,7 @@ void AddDiagonalPart(const Mechanism& mechanism, const std::vector<int>& group, 
 }
 
 // Rows of loops or springs in one unit.
-struct RowsInOneUnit {
+struct ScaledRowBlock {
   MatrixX rows;
   VectorX weight;          // of springs
   std::vector<int> joint;  // of springs: a row that is 1 at one coordinate, else -1
@@ -132,8 +132,8 @@ struct RowsInOneUnit {
 };
 
 Piece CarefulPiece(const Mechanism& mechanism, const std::vector<int>& group, const std::vector<int>& closing,
-                   const std::vector<int>& held_by, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
-                   ElasticBasis& basis) {
+                   const std::vector<int>& held_by, const ScaledRowBlock& loops,
+                   const ScaledRowBlock& springs, ElasticBasis& basis) {
   const int n = mechanism.num_coordinates();
   const auto size = static_cast<Eigen::Index>(group.size());
   MatrixX Z_x = MatrixX::Identity(size, size);
@@ -159,7 +159,7 @@ Piece CarefulPiece(const Mechanism& mechanism, const std::vector<int>& group, co
 }
 
 // diag(weight) rows X for x on the coordinates `group`.
-MatrixX WeightedStretch(const RowsInOneUnit& springs, const std::vector<int>& held_by,
+MatrixX WeightedStretch(const ScaledRowBlock& springs, const std::vector<int>& held_by,
                         const std::vector<int>& group, const MatrixX& X) {
   MatrixX out(static_cast<Eigen::Index>(held_by.size()), X.cols());
   for (std::size_t s = 0; s < held_by.size(); ++s) {
@@ -182,7 +182,7 @@ MatrixX WeightedStretch(const RowsInOneUnit& springs, const std::vector<int>& he
 // Where loops are clearly independent and springs clearly hold whatever they leave: V of the eliminated
 // solutions of the loops, made orthonormal in the springs. False where one of them is not clear.
 bool QuickPiece(const std::vector<int>& group, const std::vector<int>& closing,
-                const std::vector<int>& held_by, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
+                const std::vector<int>& held_by, const ScaledRowBlock& loops, const ScaledRowBlock& springs,
                 const VectorX& scale, Piece& piece) {
   MatrixX V_x;
   if (!EliminatedNullSpace(RowsAndColumns(loops.rows, closing, group), V_x)) return false;
@@ -237,7 +237,7 @@ class Gathered {
   Eigen::Index count_ = 0;
 };
 
-void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const RowsInOneUnit& springs,
+void FillDense(const Mechanism& mechanism, const ScaledRowBlock& loops, const ScaledRowBlock& springs,
                BasisBy by, ElasticBasis& basis) {
   const int n = mechanism.num_coordinates();
   const std::vector<std::vector<int>> fine = StaticGroups(mechanism);
@@ -253,7 +253,7 @@ void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const Row
       if (fine[g].front() != i) continue;
       const double k = mechanism.stiffness()(i);
       if (fine[g].size() == 1 && closing[g].empty() && held_by[g].size() == (k > 0 ? 1 : 0)) {
-        // No loop and no spring but its own hears it.
+        // No loop and no spring but its own depends on it.
         if (by == BasisBy::kCareful) Z.AddUnit(i, basis.scale(i));
         if (k > 0) {
           V.AddUnit(i, 1 / std::sqrt(k));
@@ -290,7 +290,7 @@ void FillDense(const Mechanism& mechanism, const RowsInOneUnit& loops, const Row
 ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q,
                                  BasisBy by) {
   ElasticBasis basis;
-  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  const CoordinateScaling unit = ComputeCoordinateScaling(mechanism, kinematics);
   basis.scale = unit.coordinate;
   basis.diagonal = mechanism.is_tree() && mechanism.has_diagonal_stiffness();
   if (basis.diagonal) {
@@ -301,15 +301,15 @@ ElasticBasis ComputeElasticBasis(const Mechanism& mechanism, const Kinematics& k
       basis.inverse_root(i) = 1 / std::sqrt(mechanism.stiffness()(basis.sprung[static_cast<std::size_t>(i)]));
     return basis;
   }
-  const RowsInOneUnit loops{ClosureRowsInOneUnit(mechanism, kinematics, q, unit), {}, {}};
-  SpringRows rows = SpringRowsInOneUnit(mechanism, kinematics, q, unit);
+  const ScaledRowBlock loops{ScaledClosureRows(mechanism, kinematics, q, unit), {}, {}};
+  SpringRows rows = ScaledSpringRows(mechanism, kinematics, q, unit);
   FillDense(mechanism, loops, {std::move(rows.rows), std::move(rows.weight), std::move(rows.joint)}, by,
             basis);
   return basis;
 }
 
 MatrixX ClosedMotions(const Mechanism& mechanism, const Kinematics& kinematics, const VectorX& q) {
-  const OneUnit unit = ComputeOneUnit(mechanism, kinematics);
+  const CoordinateScaling unit = ComputeCoordinateScaling(mechanism, kinematics);
   return ScaledRows(unit.coordinate, Closed(mechanism, kinematics, q, unit).unseen);
 }
 

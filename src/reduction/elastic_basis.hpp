@@ -4,7 +4,7 @@
 #include <fork1s/reduction/rank_doubt.hpp>
 #include <fork1s/reduction/reduced_model.hpp>
 
-#include "mechanism/one_unit.hpp"
+#include "mechanism/coordinate_scaling.hpp"
 
 namespace fork1s::internal {
 
@@ -14,7 +14,7 @@ namespace fork1s::internal {
 ///
 /// What is free and what is elastic is geometry: which motions stretch springs, whatever their stiffness.
 ///
-/// Every column is of one group of coordinates that hear each other, and the columns of a group stand
+/// Every column is of one group of coordinates that depend on each other, and the columns of a group stand
 /// together.
 struct ElasticBasis {
   struct Part {
@@ -42,9 +42,9 @@ struct ElasticBasis {
   /// Dense n x num_free.
   MatrixX DenseFree(int n) const;
   /// The free motions as x, orthonormal: n x num_free.
-  MatrixX FreeInOneUnit(int n) const;
+  MatrixX ScaledFreeDirections(int n) const;
   /// Whether bodies with rows J_x (in one unit, on x) move in any elastic direction by more than rounding.
-  bool Feels(const MatrixX& J_x) const;
+  bool HasElasticMotion(const MatrixX& J_x) const;
   /// All closed motions, n x num_closed.
   MatrixX DenseClosed(int n) const;
   /// V y and Vᵀ g without forming V.

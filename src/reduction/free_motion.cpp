@@ -154,7 +154,7 @@ std::vector<FreeMotion> FindFreeMotions(const Mechanism& mechanism, const Vector
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
   const internal::ElasticBasis basis = internal::ComputeElasticBasis(mechanism, kinematics, q);
-  MatrixX N = EchelonBasis(basis.FreeInOneUnit(mechanism.num_coordinates()));
+  MatrixX N = EchelonBasis(basis.ScaledFreeDirections(mechanism.num_coordinates()));
   if (loads && N.cols() > 0) N = MotionsWithoutStiffness(mechanism, q, *loads, basis.scale, N);
   return DescribeMotions(mechanism, kinematics, basis.scale, N, bodies);
 }
@@ -164,7 +164,7 @@ std::vector<FreeMotion> FindSingularMotions(const Mechanism& mechanism, const Ve
                                             const std::vector<BodyIndex>& bodies) {
   Kinematics kinematics(mechanism);
   ComputeKinematics(mechanism, q, kinematics);
-  const VectorX unit = ComputeOneUnit(mechanism, kinematics).coordinate;
+  const VectorX unit = ComputeCoordinateScaling(mechanism, kinematics).coordinate;
   const MatrixX N = EchelonBasis(ScaledRows(unit.cwiseInverse(), tangent.SingularMotions()));
   return DescribeMotions(mechanism, kinematics, unit, N, bodies);
 }

@@ -52,7 +52,7 @@ Hidden FindHidden(const Mechanism& mechanism, const Matrix6X& S, const ElasticBa
                   std::vector<RankDoubt>& doubts) {
   Hidden hidden;
   if (basis.num_free() == 0) return hidden;
-  const MatrixX N_x = basis.FreeInOneUnit(mechanism.num_coordinates());
+  const MatrixX N_x = basis.ScaledFreeDirections(mechanism.num_coordinates());
   const MatrixX N = ScaledRows(basis.scale, N_x);
   const NullSpace seen = ComputeNullSpace(Times(J, N) / mechanism.length_scale());
   if (seen.doubtful.size() > 0)

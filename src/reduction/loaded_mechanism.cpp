@@ -17,8 +17,8 @@ LoadedMechanism::LoadedMechanism(const Mechanism& mechanism, const VectorX& q0,
       kinematics_(mechanism),
       F_(6, mechanism.num_bodies()) {
   Pose(q0);
-  unit_ = ComputeOneUnit(mechanism, kinematics_);
-  const SpringRows springs = SpringRowsInOneUnit(mechanism, kinematics_, q0, unit_);
+  unit_ = ComputeCoordinateScaling(mechanism, kinematics_);
+  const SpringRows springs = ScaledSpringRows(mechanism, kinematics_, q0, unit_);
   double far = 0;
   for (const RigidTransform& X : kinematics_.X_RB) far = std::max(far, X.translation().norm());
   const double stiffest = springs.weight.size() > 0 ? springs.weight.cwiseAbs2().maxCoeff() : 0;
@@ -63,7 +63,7 @@ VectorX LoadedMechanism::Reactions(const VectorX& q, double share) {
   const VectorX g = Residual(q, VectorX(), share);
   if (mechanism_.num_constraints() == 0) return {};
   VectorX row;
-  MatrixX A = ClosureRowsInOneUnit(mechanism_, kinematics_, q, unit_, &row);
+  MatrixX A = ScaledClosureRows(mechanism_, kinematics_, q, unit_, &row);
   for (const int i : options_.locked) A.col(i).setZero();
   const MatrixX seen = ComputeNullSpace(A).seen;
   const VectorX g_x = unit_.coordinate.cwiseProduct(g);

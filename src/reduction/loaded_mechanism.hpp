@@ -4,7 +4,7 @@
 
 #include <fork1s/reduction/statics.hpp>
 
-#include "mechanism/one_unit.hpp"
+#include "mechanism/coordinate_scaling.hpp"
 
 namespace fork1s::internal {
 
@@ -18,7 +18,7 @@ class LoadedMechanism {
   void Pose(const VectorX& q) { ComputeKinematics(mechanism_, q, kinematics_); }
   const Kinematics& kinematics() const { return kinematics_; }
   /// At q0.
-  const OneUnit& unit() const { return unit_; }
+  const CoordinateScaling& unit() const { return unit_; }
 
   /// Gravity and dead loads alone, at the present pose.
   VectorX LoadForce(double share);
@@ -41,7 +41,7 @@ class LoadedMechanism {
   const std::vector<DeadLoad>& loads_;
   const StaticsOptions& options_;
   Kinematics kinematics_;
-  OneUnit unit_;
+  CoordinateScaling unit_;
   double rounding_ = 0;
   Matrix6X F_;
   MatrixX A_;

@@ -7,7 +7,7 @@
 namespace fork1s::internal {
 
 LockedBasis LockCoordinates(const ElasticBasis& basis, int n, const std::vector<int>& locked) {
-  const MatrixX V = basis.TimesV(MatrixX::Identity(n, n)), N_x = basis.FreeInOneUnit(n);
+  const MatrixX V = basis.TimesV(MatrixX::Identity(n, n)), N_x = basis.ScaledFreeDirections(n);
   if (locked.empty()) return {V, ScaledRows(basis.scale, N_x)};
   const MatrixX N_p = Rows(N_x, locked);
   const NullSpace held = ComputeNullSpace(N_p);

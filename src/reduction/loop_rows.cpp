@@ -145,7 +145,7 @@ LoopRows::LoopRows(const Mechanism& mechanism, const std::vector<int>& rows) {
     draft.coordinates = couplings[c].Coordinates();
     keep(std::move(draft));
   }
-  std::map<int, std::size_t> first;  // block that hears a coordinate
+  std::map<int, std::size_t> first;  // block that depends on a coordinate
   const auto root = [&](std::size_t b) {
     while (static_cast<std::size_t>(drafts[b].group) != b) b = static_cast<std::size_t>(drafts[b].group);
     return b;

@@ -117,7 +117,7 @@ Modes LowestModes(const Mechanism& mechanism, const Kinematics& kinematics, cons
   MatrixX M;
   if (basis.parts.size() <= 1 || extra.cols() > 0)
     return ModesOf(mechanism, kinematics, basis, Y, extra, extra_mass, count, M);
-  // Parts hear nothing of each other: each has modes of its own, and the lowest of all are wanted.
+  // Parts are independent of each other: each has modes of its own, and the lowest of all are wanted.
   std::vector<Modes> of_part;
   for (const ElasticBasis::Part& part : basis.parts) {
     std::vector<int> own;

@@ -299,7 +299,7 @@ Expected<ReducedModel> ReduceAt(std::shared_ptr<const Mechanism> mechanism_in, c
 
   // Bodies that loops hold still feel rounding of all springs; none of it is a direction.
   const MatrixX J_V = basis.TimesV(J);
-  std::vector<int> felt = basis.Feels(ScaledColumns(J, basis.scale / L))
+  std::vector<int> felt = basis.HasElasticMotion(ScaledColumns(J, basis.scale / L))
                               ? CountFelt(J_V, basis, options.rank_tolerance)
                               : std::vector<int>(basis.parts.size(), 0);
   // A group of coordinates in which a stop acts on what would be condensed keeps all of its directions, at later

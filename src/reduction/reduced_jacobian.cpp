@@ -69,7 +69,7 @@ ReducedJacobian::ReducedJacobian(const ReducedModel& model) {
     }
   }
   Q_.assign(static_cast<std::size_t>(values), 0.0);
-  TakeRows(model.Q_rows);
+  LoadRows(model.Q_rows);
 }
 
 namespace {
@@ -99,7 +99,7 @@ constexpr double kNoColumns[12] = {};
 }  // namespace
 
 // Outside of a coordinate's run a row is 0, so that those of a band go alike.
-void ReducedJacobian::TakeRows(const RowMatrixX& Q) {
+void ReducedJacobian::LoadRows(const RowMatrixX& Q) {
   const auto columns = static_cast<int>(Q.cols());
   for (const Band& band : bands_) {
     const int width = std::min(band.padded, columns - band.first);
@@ -111,7 +111,7 @@ void ReducedJacobian::TakeRows(const RowMatrixX& Q) {
 }
 
 void ReducedJacobian::Compute(const ReducedModel& model, const Configuration& c) {
-  if (model.loop_rank() > 0) TakeRows(c.Q_now);  // on trees it is Q at any pose
+  if (model.loop_rank() > 0) LoadRows(c.Q_now);  // on trees it is Q at any pose
   for (const Run& own : runs_) {
     double* const T = T_.data() + own.at;
     const double *q = Q_.data() + own.Q_at, *s = c.kinematics.S.data() + 6 * own.coordinate;
@@ -209,8 +209,8 @@ void AddOuterProducts(const double* h, const double* q, int rows, std::ptrdiff_t
 
 // h = own q + T_upᵀ f
 template <int kQuads>
-void TakeHalf(double own, const double* q, const double* f, const double* T_up, std::ptrdiff_t up_stride,
-              double* h) {
+void AccumulateHalf(double own, const double* q, const double* f, const double* T_up,
+                    std::ptrdiff_t up_stride, double* h) {
   Quad sum[kQuads];
   for (int k = 0; k < kQuads; ++k) sum[k] = own * QuadAt(q + 4 * k);
   for (int row = 0; row < 6; ++row, T_up += up_stride)
@@ -239,7 +239,7 @@ void AddMoments(const double* f, const double* q, int rows, std::ptrdiff_t padde
 void ReducedInertia::Compute(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
                              const ReducedJacobian& jacobian, Eigen::Ref<MatrixX> M_zz, Matrix6X& M_0z,
                              Matrix6& M_00) {
-  TakeMomenta(model, parts, c, jacobian, M_00);
+  ComputeMomenta(model, parts, c, jacobian, M_00);
   AddBands(jacobian);
   const int r = model.size();
   for (int k = 0; k < r; ++k) {
@@ -275,8 +275,8 @@ bool ReducedInertia::FillArmature(const Mechanism& mechanism, const Kinematics& 
 }
 
 // f = Ic s and h of every coordinate, and M_00.
-void ReducedInertia::TakeMomenta(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
-                                 const ReducedJacobian& jacobian, Matrix6& M_00) {
+void ReducedInertia::ComputeMomenta(const ReducedModel& model, const RigidParts& parts,
+                                    const Configuration& c, const ReducedJacobian& jacobian, Matrix6& M_00) {
   const VectorX& armature = model.mechanism->armature();
   for (Sum& sum : sums_) sum.Clear();
   Sum all;
@@ -306,7 +306,7 @@ void ReducedInertia::TakeMomenta(const ReducedModel& model, const RigidParts& pa
       for (int k = 0; k < run.up_begin; k += 4) QuadAt(h + k) = own * QuadAt(q + k);
       for (int k = run.up_end; k < run.padded; k += 4) QuadAt(h + k) = own * QuadAt(q + k);
       ByThreeFours(run.up_begin, run.up_end, [&]<int kQuads>(int k) {
-        TakeHalf<kQuads>(own, q + k, f, T_up + (k - run.up_begin), up_stride, h + k);
+        AccumulateHalf<kQuads>(own, q + k, f, T_up + (k - run.up_begin), up_stride, h + k);
       });
       for (int e = 0; e < i; ++e) {
         const double share = along(S + 6 * e) + (rotates ? armature_(i, e) : 0);

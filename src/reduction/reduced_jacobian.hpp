@@ -49,7 +49,7 @@ class ReducedJacobian {
   };
   const Run& run(int joint) const { return runs_[static_cast<std::size_t>(joint)]; }
 
-  void TakeRows(const RowMatrixX& Q);
+  void LoadRows(const RowMatrixX& Q);
 
   std::vector<Run> runs_;  // per joint
   std::vector<Band> bands_;
@@ -83,8 +83,8 @@ class ReducedInertia {
     // Of a twist its momentum.
     void Apply(const double* twist, double* momentum) const;
   };
-  void TakeMomenta(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
-                   const ReducedJacobian& jacobian, Matrix6& M_00);
+  void ComputeMomenta(const ReducedModel& model, const RigidParts& parts, const Configuration& c,
+                      const ReducedJacobian& jacobian, Matrix6& M_00);
   bool FillArmature(const Mechanism& mechanism, const Kinematics& kinematics, int joint_index);
   void AddBands(const ReducedJacobian& jacobian);
 

@@ -46,10 +46,10 @@ struct PathTangent {
 MatrixX SolveClosed(const Mechanism& mechanism, const LoadedMechanism& loaded, const VectorX& q,
                     const MatrixX& K, const MatrixX& g, const MatrixX& c, const std::vector<int>& locked,
                     MatrixX* motions = nullptr, double drag = 0) {
-  const OneUnit here = ComputeOneUnit(mechanism, loaded.kinematics());
+  const CoordinateScaling here = ComputeCoordinateScaling(mechanism, loaded.kinematics());
   const VectorX& unit = here.coordinate;
   VectorX row;
-  MatrixX A = ClosureRowsInOneUnit(mechanism, loaded.kinematics(), q, here, &row);
+  MatrixX A = ScaledClosureRows(mechanism, loaded.kinematics(), q, here, &row);
   for (const int i : locked) A.col(i).setZero();
   const MatrixX K_x = ScaledColumns(ScaledRows(unit, K), unit);
   const MatrixX g_x = ScaledRows(unit, g), c_x = ScaledRows(row, c);

@@ -6,8 +6,8 @@
 
 namespace fork1s {
 
-/// Per coordinate [n]: whether the reduced model has all motions of the joints that hear each other with it,
-/// and none of their forces bends with the pose. Then coordinates chosen anew would be the same motions under
+/// Per coordinate [n]: whether the reduced model has all motions of the joints that depend on each other with it,
+/// and none of their forces bends with the pose. Then coordinates chosen again would be the same motions under
 /// other names, and the model does not grow old as such a joint turns. Loops, springy closures, tendons
 /// through space and springs that are not linear bend; and rotation vectors, what joints of several freedoms
 /// turn by, end at a full turn.

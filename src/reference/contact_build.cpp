@@ -59,9 +59,9 @@ Expected<void> ContactSet::Build(const Scene& scene, const Mechanisms& mechanism
   std::vector<CollisionBodyDef> bodies;
   std::map<std::string, int> named;
   std::vector<std::pair<int, int>> excluded;
-  auto add = [&](CollisionBodyDef body, FullContactor contactor) {
-    contactor.radius = Radius(body.geometries);
-    contactors_.push_back(contactor);
+  auto add = [&](CollisionBodyDef body, FullCollisionBody collision_body) {
+    collision_body.radius = Radius(body.geometries);
+    collision_bodies_.push_back(collision_body);
     bodies.push_back(std::move(body));
     return static_cast<int>(bodies.size()) - 1;
   };
@@ -86,12 +86,13 @@ Expected<void> ContactSet::Build(const Scene& scene, const Mechanisms& mechanism
       body.moves = g.last_joint >= 0 || m.base() != BaseKind::kFixed;
       body.X_WB = mechanisms[i].Pose(g.body);
       if (body.geometries.empty()) continue;
-      FullContactor contactor;
-      contactor.kind = body.moves ? FullContactor::Kind::kMechanism : FullContactor::Kind::kWorld;
-      contactor.index = static_cast<int>(i);
-      contactor.body = g.body;
-      contactor.scene_body = body.moves ? scene_body + g.body : -1;
-      g.collision_body = add(std::move(body), contactor);
+      FullCollisionBody collision_body;
+      collision_body.kind =
+          body.moves ? FullCollisionBody::Kind::kMechanism : FullCollisionBody::Kind::kWorld;
+      collision_body.index = static_cast<int>(i);
+      collision_body.body = g.body;
+      collision_body.scene_body = body.moves ? scene_body + g.body : -1;
+      g.collision_body = add(std::move(body), collision_body);
       for (const Mechanism::Body& b : m.bodies())
         if (b.last_joint == g.last_joint) named[b.name] = g.collision_body;
     }
@@ -107,11 +108,11 @@ Expected<void> ContactSet::Build(const Scene& scene, const Mechanisms& mechanism
     if (std::none_of(def.geometries.begin(), def.geometries.end(),
                      [](const auto& g) { return g.Collides(); }))
       continue;
-    FullContactor contactor;
-    contactor.kind = FullContactor::Kind::kFreeBody;
-    contactor.index = static_cast<int>(i);
-    contactor.scene_body = scene_body;
-    named[def.name] = add({def.name, def.geometries, true, free_bodies[i].pose()}, contactor);
+    FullCollisionBody collision_body;
+    collision_body.kind = FullCollisionBody::Kind::kFreeBody;
+    collision_body.index = static_cast<int>(i);
+    collision_body.scene_body = scene_body;
+    named[def.name] = add({def.name, def.geometries, true, free_bodies[i].pose()}, collision_body);
   }
   for (const auto& [a, b] : scene.excluded_pairs)
     if (named.count(a) && named.count(b) && named[a] != named[b]) excluded.emplace_back(named[a], named[b]);
@@ -120,8 +121,8 @@ Expected<void> ContactSet::Build(const Scene& scene, const Mechanisms& mechanism
   if (!collision) return tl::unexpected(collision.error());
   collision_ = std::make_unique<CollisionWorld>(std::move(*collision));
   margin_max_ = options.margin;
-  previous_pose_.resize(contactors_.size());
-  port_offset_.assign(contactors_.size(), -1);
+  previous_pose_.resize(collision_bodies_.size());
+  port_offset_.assign(collision_bodies_.size(), -1);
   blocks_.resize(mechanisms.size());
   for (std::size_t i = 0; i < mechanisms.size(); ++i)
     blocks_[i].limit_impulses.assign(2 * mechanisms[i].mechanism().length_limits().size(), 0.0);
@@ -134,12 +135,12 @@ bool ContactSet::Detect(const Mechanisms& mechanisms, const Bodies& free_bodies,
                         const Vector3& gravity_W) {
   // What can close within a step: twice the last step's motion, what gravity adds, and a millimetre.
   double motion = 0;
-  for (std::size_t i = 0; i < contactors_.size(); ++i) {
-    const FullContactor& c = contactors_[i];
-    if (c.kind == FullContactor::Kind::kWorld) continue;
+  for (std::size_t i = 0; i < collision_bodies_.size(); ++i) {
+    const FullCollisionBody& c = collision_bodies_[i];
+    if (c.kind == FullCollisionBody::Kind::kWorld) continue;
     const auto at = static_cast<std::size_t>(c.index);
     const RigidTransform X =
-        c.kind == FullContactor::Kind::kMechanism ? mechanisms[at].Pose(c.body) : free_bodies[at].pose();
+        c.kind == FullCollisionBody::Kind::kMechanism ? mechanisms[at].Pose(c.body) : free_bodies[at].pose();
     collision_->SetPose(static_cast<int>(i), X);
     motion = std::max(motion, (X.translation() - previous_pose_[i].translation()).norm() +
                                   (X.rotation() - previous_pose_[i].rotation()).norm() * c.radius);

@@ -13,16 +13,17 @@ using reference::BoundConstraint;
 using reference::PointConstraint;
 using reference::PointJacobian;
 
-void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h) {
+void ContactSet::AssignPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h) {
   std::fill(port_offset_.begin(), port_offset_.end(), -1);
-  std::vector<char> touched(contactors_.size(), 0);
+  std::vector<char> touched(collision_bodies_.size(), 0);
   for (const ContactPoint& p : points_)
     touched[static_cast<std::size_t>(p.body_a)] = touched[static_cast<std::size_t>(p.body_b)] = 1;
   int offset = 0;
-  auto open = [&](std::vector<Port>& ports, FullContactor::Kind kind, std::size_t index) {
-    for (std::size_t c = 0; c < contactors_.size(); ++c) {
-      const FullContactor& contactor = contactors_[c];
-      if (!touched[c] || contactor.kind != kind || static_cast<std::size_t>(contactor.index) != index)
+  auto open = [&](std::vector<Port>& ports, FullCollisionBody::Kind kind, std::size_t index) {
+    for (std::size_t c = 0; c < collision_bodies_.size(); ++c) {
+      const FullCollisionBody& collision_body = collision_bodies_[c];
+      if (!touched[c] || collision_body.kind != kind ||
+          static_cast<std::size_t>(collision_body.index) != index)
         continue;
       ports.push_back({static_cast<int>(c), offset});
       port_offset_[c] = offset;
@@ -35,7 +36,7 @@ void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bo
     block.offset = offset;
     block.ports.clear();
     block.limits.clear();
-    open(block.ports, FullContactor::Kind::kMechanism, i);
+    open(block.ports, FullCollisionBody::Kind::kMechanism, i);
     for (int k = 0; k < static_cast<int>(m.length_limits().size()); ++k) {
       const Mechanism::LengthLimit& limit = m.length_limits()[static_cast<std::size_t>(k)];
       const double length = m.Length(limit.length, m.q());
@@ -53,31 +54,32 @@ void ContactSet::LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bo
     block.rows = offset - block.offset;
   }
   free_ports_.clear();
-  for (std::size_t i = 0; i < free_bodies.size(); ++i) open(free_ports_, FullContactor::Kind::kFreeBody, i);
+  for (std::size_t i = 0; i < free_bodies.size(); ++i)
+    open(free_ports_, FullCollisionBody::Kind::kFreeBody, i);
   velocities_.setZero(offset);
   FillVelocities(mechanisms, free_bodies, false, velocities_);
 }
 
 void ContactSet::FillVelocities(const Mechanisms& mechanisms, const Bodies& free_bodies, bool at_guess,
                                 VectorX& velocities) const {
-  for (std::size_t c = 0; c < contactors_.size(); ++c) {
+  for (std::size_t c = 0; c < collision_bodies_.size(); ++c) {
     if (port_offset_[c] < 0) continue;
-    const auto at = static_cast<std::size_t>(contactors_[c].index);
-    const int body = contactors_[c].body;
+    const auto at = static_cast<std::size_t>(collision_bodies_[c].index);
+    const int body = collision_bodies_[c].body;
     velocities.segment<6>(port_offset_[c]) =
-        contactors_[c].kind == FullContactor::Kind::kFreeBody
+        collision_bodies_[c].kind == FullCollisionBody::Kind::kFreeBody
             ? (at_guess ? free_bodies[at].NextPortTwist() : free_bodies[at].PortTwist())
-            : InAxes(PoseOf(contactors_[c], mechanisms, free_bodies, at_guess).rotation(),
+            : InAxes(PoseOf(collision_bodies_[c], mechanisms, free_bodies, at_guess).rotation(),
                      at_guess ? mechanisms[at].NextTwist(body) : mechanisms[at].BodyTwist(body));
   }
 }
 
-RigidTransform ContactSet::PoseOf(const FullContactor& contactor, const Mechanisms& mechanisms,
+RigidTransform ContactSet::PoseOf(const FullCollisionBody& collision_body, const Mechanisms& mechanisms,
                                   const Bodies& free_bodies, bool at_guess) const {
-  const auto at = static_cast<std::size_t>(contactor.index);
-  if (contactor.kind == FullContactor::Kind::kFreeBody)
+  const auto at = static_cast<std::size_t>(collision_body.index);
+  if (collision_body.kind == FullCollisionBody::Kind::kFreeBody)
     return at_guess ? free_bodies[at].NextPose() : free_bodies[at].pose();
-  return at_guess ? mechanisms[at].NextPose(contactor.body) : mechanisms[at].Pose(contactor.body);
+  return at_guess ? mechanisms[at].NextPose(collision_body.body) : mechanisms[at].Pose(collision_body.body);
 }
 
 const ContactSet::Past* ContactSet::FindPast(const ContactPoint& point) {
@@ -132,13 +134,14 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     Vector3 speed = Vector3::Zero();
     double guessed = 0;
     auto side = [&](int body, double sign, int& port, PointJacobian& J) {
-      const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
-      if (contactor.kind == FullContactor::Kind::kWorld) return;
+      const FullCollisionBody& collision_body = collision_bodies_[static_cast<std::size_t>(body)];
+      if (collision_body.kind == FullCollisionBody::Kind::kWorld) return;
       port = port_offset_[static_cast<std::size_t>(body)];
-      const auto at = static_cast<std::size_t>(contactor.index);
-      const RigidTransform X = PoseOf(contactor, mechanisms, free_bodies, at_guess_);
-      const Vector3 center =
-          contactor.kind == FullContactor::Kind::kFreeBody ? free_bodies[at].CenterAt(X) : X.translation();
+      const auto at = static_cast<std::size_t>(collision_body.index);
+      const RigidTransform X = PoseOf(collision_body, mechanisms, free_bodies, at_guess_);
+      const Vector3 center = collision_body.kind == FullCollisionBody::Kind::kFreeBody
+                                 ? free_bodies[at].CenterAt(X)
+                                 : X.translation();
       J.rightCols<3>() = sign * p.frame;
       J.leftCols<3>() = -sign * p.frame * Skew(p.point - center);
       speed += J * velocities_.segment<6>(port);
@@ -207,11 +210,11 @@ void ContactSet::Open(const Mechanisms& mechanisms, const Bodies& free_bodies, d
                       const FullSimulationOptions& options) {
   h_ = h;
   at_guess_ = stage_ = false;
-  LayOutPorts(mechanisms, free_bodies, h);
+  AssignPorts(mechanisms, free_bodies, h);
   AddRows(free_bodies, mechanisms, h, options);
 }
 
-void ContactSet::ForgetImpulses() {
+void ContactSet::ClearImpulses() {
   for (PointConstraint& c : constraints_) {
     c.impulse.setZero();
     c.moment.setZero();
@@ -230,7 +233,7 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
     if (block.rows == 0) continue;
     block.J_T.setZero(m.num_unknowns(), block.rows);
     for (const Port& port : block.ports) {
-      const int body = contactors_[static_cast<std::size_t>(port.contactor)].body,
+      const int body = collision_bodies_[static_cast<std::size_t>(port.collision_body)].body,
                 column = m.ColumnOfBody(body);
       if (column < 0) {
         velocities_.segment<6>(port.offset) = InAxes(m.NextPose(body).rotation(), m.NextTwist(body));
@@ -258,7 +261,7 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
     block.W = (0.5 * (block.W + block.W.transpose())).eval();
     const VectorX v = block.J_T.transpose() * block.unknowns;
     for (const Port& port : block.ports)
-      if (m.ColumnOfBody(contactors_[static_cast<std::size_t>(port.contactor)].body) >= 0)
+      if (m.ColumnOfBody(collision_bodies_[static_cast<std::size_t>(port.collision_body)].body) >= 0)
         velocities_.segment<6>(port.offset) = v.segment<6>(port.offset - block.offset);
     const auto limits = static_cast<Eigen::Index>(block.limits.size() + frictions.size());
     velocities_.segment(block.offset + block.rows - limits, limits) = v.tail(limits);
@@ -267,7 +270,8 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   free_twists_.resize(free_bodies.size());
   for (std::size_t i = 0; i < free_bodies.size(); ++i) free_twists_[i] = free_bodies[i].FreePortTwist();
   for (const Port& port : free_ports_) {
-    const auto i = static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index);
+    const auto i =
+        static_cast<std::size_t>(collision_bodies_[static_cast<std::size_t>(port.collision_body)].index);
     velocities_.segment<6>(port.offset) = free_twists_[i];
     response_blocks.push_back({port.offset, free_bodies[i].InverseInertia()});
   }
@@ -296,18 +300,20 @@ bool ContactSet::Solve(const Mechanisms& mechanisms, const Bodies& free_bodies,
   // Limits and self-contact are a mechanism's own affair: its base has no gap to keep for them.
   for (std::size_t k = 0; k < constraints_.size(); ++k) {
     if (constraints_[k].impulse.isZero(0)) continue;
-    const FullContactor& a = contactors_[static_cast<std::size_t>(points_[k].body_a)];
-    const FullContactor& b = contactors_[static_cast<std::size_t>(points_[k].body_b)];
+    const FullCollisionBody& a = collision_bodies_[static_cast<std::size_t>(points_[k].body_a)];
+    const FullCollisionBody& b = collision_bodies_[static_cast<std::size_t>(points_[k].body_b)];
     const bool own = a.kind == b.kind && a.index == b.index;
-    for (const FullContactor* side : {&a, &b})
-      if (side->kind == FullContactor::Kind::kMechanism && !own)
+    for (const FullCollisionBody* side : {&a, &b})
+      if (side->kind == FullCollisionBody::Kind::kMechanism && !own)
         pushes_mechanism_[static_cast<std::size_t>(side->index)] = 1;
   }
   for (const Port& port : free_ports_)
-    pushes_free_body_[static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index)] =
+    pushes_free_body_[static_cast<std::size_t>(
+        collision_bodies_[static_cast<std::size_t>(port.collision_body)].index)] =
         !impulses.segment<6>(port.offset).isZero(0);
   for (const Port& port : free_ports_)
-    free_twists_[static_cast<std::size_t>(contactors_[static_cast<std::size_t>(port.contactor)].index)] =
+    free_twists_[static_cast<std::size_t>(
+        collision_bodies_[static_cast<std::size_t>(port.collision_body)].index)] =
         velocities_.segment<6>(port.offset);
   return true;
 }
@@ -317,13 +323,14 @@ Matrix6X ContactSet::OnBodies(std::size_t i, const FullMechanism& mechanism) con
   for (std::size_t k = 0; k < constraints_.size(); ++k) {
     const PointConstraint& c = constraints_[k];
     auto add = [&](int body, const PointJacobian& J) {
-      const FullContactor& contactor = contactors_[static_cast<std::size_t>(body)];
-      if (contactor.kind != FullContactor::Kind::kMechanism || static_cast<std::size_t>(contactor.index) != i)
+      const FullCollisionBody& collision_body = collision_bodies_[static_cast<std::size_t>(body)];
+      if (collision_body.kind != FullCollisionBody::Kind::kMechanism ||
+          static_cast<std::size_t>(collision_body.index) != i)
         return;
-      const Matrix3 R_T = mechanism.NextPose(contactor.body).rotation().transpose();
+      const Matrix3 R_T = mechanism.NextPose(collision_body.body).rotation().transpose();
       const Vector6 F = c.ImpulseOn(J);
-      out.col(contactor.body).head<3>() += R_T * F.head<3>();
-      out.col(contactor.body).tail<3>() += R_T * F.tail<3>();
+      out.col(collision_body.body).head<3>() += R_T * F.head<3>();
+      out.col(collision_body.body).tail<3>() += R_T * F.tail<3>();
     };
     add(points_[k].body_a, c.J_a);
     add(points_[k].body_b, c.J_b);
@@ -342,8 +349,8 @@ void ContactSet::Close(double h, FullStepReport& report, std::vector<FullContact
         {points_[i], c.impulse, c.moment, points_[i].frame.transpose() * speed, c.utilization, false});
     FullContact& out = contacts.emplace_back();
     out.point = points_[i];
-    out.point.body_a = contactors_[static_cast<std::size_t>(points_[i].body_a)].scene_body;
-    out.point.body_b = contactors_[static_cast<std::size_t>(points_[i].body_b)].scene_body;
+    out.point.body_a = collision_bodies_[static_cast<std::size_t>(points_[i].body_a)].scene_body;
+    out.point.body_b = collision_bodies_[static_cast<std::size_t>(points_[i].body_b)].scene_body;
     out.force = points_[i].frame.transpose() * c.impulse / h;
     if (c.impulse(0) > 0) {
       ++report.contacts;

@@ -17,7 +17,7 @@
 namespace fork1s::internal {
 
 /// What a collision body stands for.
-struct FullContactor {
+struct FullCollisionBody {
   enum class Kind { kWorld, kMechanism, kFreeBody };
   Kind kind = Kind::kWorld;
   int index = 0;        // mechanism or free body
@@ -48,9 +48,9 @@ class ContactSet {
   /// solved: what bears now, bore nothing before and came at that speed, or what stands open and would be met
   /// before the part ends. Also where a contact bounces, and where, in the second stage, one leaves at that
   /// speed at which the first one had stopped something: what goes on from the end of an impact goes too far.
-  bool Meets(const Mechanisms& mechanisms, double part, double speed, bool second) const;
+  bool HasImpact(const Mechanisms& mechanisms, double part, double speed, bool second) const;
   /// Forgets all impulses, for a fresh start after Newton went astray.
-  void ForgetImpulses();
+  void ClearImpulses();
   bool empty() const { return constraints_.empty() && limits_.empty(); }
   /// Solves the contact law on the mechanisms' present linearization. False for responses that are not
   /// finite.
@@ -88,7 +88,7 @@ class ContactSet {
 
  private:
   struct Port {
-    int contactor = 0;
+    int collision_body = 0;
     int offset = 0;  // in the stacked velocities
   };
   struct Block {
@@ -99,10 +99,10 @@ class ContactSet {
     std::vector<double> limit_impulses;  // 2 a length limit
     std::vector<double> friction_impulses;
   };
-  void LayOutPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);
+  void AssignPorts(const Mechanisms& mechanisms, const Bodies& free_bodies, double h);
   void FillVelocities(const Mechanisms& mechanisms, const Bodies& free_bodies, bool at_guess,
                       VectorX& velocities) const;
-  RigidTransform PoseOf(const FullContactor& contactor, const Mechanisms& mechanisms,
+  RigidTransform PoseOf(const FullCollisionBody& collision_body, const Mechanisms& mechanisms,
                         const Bodies& free_bodies, bool at_guess) const;
   void AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms, double h,
                const FullSimulationOptions& options);
@@ -110,7 +110,7 @@ class ContactSet {
   const Past* FindPast(const ContactPoint& point);
 
   std::unique_ptr<CollisionWorld> collision_;
-  std::vector<FullContactor> contactors_;
+  std::vector<FullCollisionBody> collision_bodies_;
   std::vector<RigidTransform> previous_pose_;
   bool has_previous_pose_ = false;
   double margin_max_ = 0;                  // m
@@ -128,7 +128,7 @@ class ContactSet {
   std::vector<reference::BoundConstraint> limits_;
   std::vector<Block> blocks_;
   std::vector<Port> free_ports_;
-  std::vector<int> port_offset_;  // per contactor, -1: none
+  std::vector<int> port_offset_;  // per collision body, -1: none
   VectorX velocities_;            // at the start of the step in Open, solved in Solve
   std::vector<Vector6> free_twists_;
   std::vector<char> pushes_mechanism_, pushes_free_body_;

@@ -10,14 +10,14 @@ bool ContactSet::OpenStage(const Mechanisms& mechanisms, const Bodies& free_bodi
                            const Vector3& gravity_W, const FullSimulationOptions& options, bool at_guess) {
   // What can close within the part: twice what the present twists make of it, gravity, and a millimetre.
   double speed = 0;
-  for (std::size_t i = 0; i < contactors_.size(); ++i) {
-    const FullContactor& c = contactors_[i];
-    if (c.kind == FullContactor::Kind::kWorld) continue;
+  for (std::size_t i = 0; i < collision_bodies_.size(); ++i) {
+    const FullCollisionBody& c = collision_bodies_[i];
+    if (c.kind == FullCollisionBody::Kind::kWorld) continue;
     const auto at = static_cast<std::size_t>(c.index);
     collision_->SetPose(static_cast<int>(i), PoseOf(c, mechanisms, free_bodies, at_guess));
     previous_pose_[i] = PoseOf(c, mechanisms, free_bodies, false);
-    Vector6 V = c.kind == FullContactor::Kind::kFreeBody ? free_bodies[at].PortTwist()
-                                                         : mechanisms[at].BodyTwist(c.body);
+    Vector6 V = c.kind == FullCollisionBody::Kind::kFreeBody ? free_bodies[at].PortTwist()
+                                                             : mechanisms[at].BodyTwist(c.body);
     speed = std::max(speed, V.tail<3>().norm() + V.head<3>().norm() * c.radius);
   }
   has_previous_pose_ = true;
@@ -26,12 +26,12 @@ bool ContactSet::OpenStage(const Mechanisms& mechanisms, const Bodies& free_bodi
   h_ = h;
   stage_ = true;
   at_guess_ = at_guess;
-  LayOutPorts(mechanisms, free_bodies, part);
+  AssignPorts(mechanisms, free_bodies, part);
   AddRows(free_bodies, mechanisms, h, options);
   return complete;
 }
 
-bool ContactSet::Meets(const Mechanisms& mechanisms, double part, double speed, bool second) const {
+bool ContactSet::HasImpact(const Mechanisms& mechanisms, double part, double speed, bool second) const {
   for (std::size_t i = 0; i < constraints_.size(); ++i) {
     const reference::PointConstraint& c = constraints_[i];
     if (bounces_[i]) return true;

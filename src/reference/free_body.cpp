@@ -166,7 +166,7 @@ void FullFreeBody::Commit() {
   velocity_ = velocity_next_;
 }
 
-void FullFreeBody::ForgetLoads() {
+void FullFreeBody::ClearLoads() {
   loads_.clear();
   force_W_.setZero();
   moment_W_.setZero();

@@ -38,7 +38,7 @@ class FullFreeBody {
   double Accept(const Vector6& port_twist);
   bool NextIsFinite() const { return omega_B_next_.allFinite() && velocity_next_.allFinite(); }
   void Commit();
-  void ForgetLoads();
+  void ClearLoads();
 
   double KineticEnergy() const;
   double GravityEnergy(const Vector3& gravity_W) const {

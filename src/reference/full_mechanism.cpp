@@ -146,7 +146,7 @@ void FullMechanism::AddWrench(int body, const Vector3& force_W, const Vector3& m
   loads_.push_back({body, force_W, moment_W, X_[static_cast<std::size_t>(body)].inverse() * point_W});
 }
 
-void FullMechanism::ForgetLoads() {
+void FullMechanism::ClearLoads() {
   wrenches_W_.setZero();
   has_wrenches_ = false;
   loads_.clear();

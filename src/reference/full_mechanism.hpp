@@ -100,10 +100,10 @@ class FullMechanism {
   RigidTransform driven_next;              // pose that a driven base reaches in the next step
   Vector6 driven_twist = Vector6::Zero();  // of a driven base at the end of the next stage, body axes
   bool pushed = false;                     // contact acts in this step
-  /// Wrench on a body in world axes, until ForgetLoads. Throughout a step about the point of the world;
+  /// Wrench on a body in world axes, until ClearLoads. Throughout a step about the point of the world;
   /// within stages the force keeps to the point of the body.
   void AddWrench(int body, const Vector3& force_W, const Vector3& moment_W, const Vector3& point_W);
-  void ForgetLoads();
+  void ClearLoads();
 
   /// Opens a step: momenta and a first guess of its end.
   bool Begin(double h, const Vector3& gravity_W);

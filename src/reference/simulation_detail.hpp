@@ -69,7 +69,7 @@ struct FullSimulation::Detail {
   /// m/s; what comes no faster in a part of this length is no impact.
   double Slow(double part) const;
   void SetInputs(double share);
-  void Tell(double share, const std::vector<FullContact>& stage);
+  void AddForces(double share, const std::vector<FullContact>& stage);
 };
 
 }  // namespace fork1s

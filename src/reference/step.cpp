@@ -20,7 +20,7 @@ FullStepReport FullSimulation::Detail::Step() {
 bool FullSimulation::Detail::Solve(const std::function<bool()>& begin, FullStepReport& report) {
   bool finite = false;
   for (bool stiffening : {true, false}) {
-    if (!stiffening) contact_set.ForgetImpulses();
+    if (!stiffening) contact_set.ClearImpulses();
     finite = begin() && Iterate(stiffening, report);
     if (finite && (report.converged || report.residual < 1e-6)) break;
   }

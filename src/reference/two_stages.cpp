@@ -170,8 +170,8 @@ FullStepReport FullSimulation::Detail::StepByStages() {
     report.converged = false;
   }
   base_rates.setConstant(std::numeric_limits<double>::quiet_NaN());
-  for (FullMechanism& m : mechanisms) m.ForgetLoads();
-  for (FullFreeBody& b : free_bodies) b.ForgetLoads();
+  for (FullMechanism& m : mechanisms) m.ClearLoads();
+  for (FullFreeBody& b : free_bodies) b.ClearLoads();
   return report;
 }
 
@@ -204,7 +204,7 @@ bool FullSimulation::Detail::OneStage(double from, double to, FullStepReport& re
   if (Stage(from, to, to, false, report) == Outcome::kUnsolved && !report.finite) return false;
   report.converged = report.converged && converged;
   contact_set.CloseStage((to - from) * dt, Slow((to - from) * dt), report, met);
-  Tell(to - from, met);
+  AddForces(to - from, met);
   for (FullMechanism& m : mechanisms) m.Commit();
   for (FullFreeBody& b : free_bodies) b.Commit();
   return true;
@@ -230,7 +230,7 @@ FullSimulation::Detail::Outcome FullSimulation::Detail::Stage(double from, doubl
       report);
   if (!report.finite) return Outcome::kUnsolved;
   bool converged = report.converged;
-  // Contact was found where the stage starts. Found anew where that has brought the bodies, it is off by the
+  // Contact was found where the stage starts. Found again where that has brought the bodies, it is off by the
   // square of the step instead.
   if (!contact_set.empty()) {
     open(true);
@@ -255,10 +255,10 @@ FullSimulation::Detail::Outcome FullSimulation::Detail::TwoStages(double from, d
     const Outcome outcome = Stage(from, to, second ? to : from + kStage * (to - from), second, report);
     if (outcome != Outcome::kDone) return outcome;
     converged = converged && report.converged;
-    if (contact_set.Meets(mechanisms, part, slow, second)) return Outcome::kMeets;
+    if (contact_set.HasImpact(mechanisms, part, slow, second)) return Outcome::kMeets;
     std::vector<FullContact> stage;
     contact_set.CloseStage(h, slow, report, stage);
-    Tell((to - from) * (second ? kStage : 1 - kStage), stage);
+    AddForces((to - from) * (second ? kStage : 1 - kStage), stage);
     if (second) break;
     for (FullMechanism& m : mechanisms) m.GoOn(kOnward);
     for (FullFreeBody& b : free_bodies) b.GoOn(kOnward);
@@ -270,7 +270,7 @@ FullSimulation::Detail::Outcome FullSimulation::Detail::TwoStages(double from, d
 }
 
 // Forces of the parts of a step add up, by their share of it, to its mean.
-void FullSimulation::Detail::Tell(double share, const std::vector<FullContact>& stage) {
+void FullSimulation::Detail::AddForces(double share, const std::vector<FullContact>& stage) {
   std::vector<char> taken(contacts.size(), 0);
   for (const FullContact& c : stage) {
     std::size_t at = 0;

@@ -31,7 +31,7 @@ class ByteWriter {
     for (double c : {q.w(), q.x(), q.y(), q.z()}) F64(c);
   }
   void Bytes(const std::string& bytes) { bytes_ += bytes; }
-  std::string Take() { return std::move(bytes_); }
+  std::string Release() { return std::move(bytes_); }
 
  private:
   void Raw(const void* data, std::size_t size) { bytes_.append(static_cast<const char*>(data), size); }

@@ -23,32 +23,33 @@ VectorX Correction(const MechanismDynamics& dynamics) {
 }
 
 // The body on the wire that a collision body stands for.
-int BodyOf(const World& world, const internal::BodyOrder& order, const Contactor& contactor) {
-  if (contactor.kind == Contactor::Kind::kWorld) return -1;
-  if (contactor.kind == Contactor::Kind::kFreeBody) return order.OnWire(-1, contactor.index);
-  const auto& groups = world.mechanisms()[static_cast<std::size_t>(contactor.index)].groups();
-  return order.OnWire(contactor.index, groups[static_cast<std::size_t>(contactor.group)].body.value());
+int BodyOf(const World& world, const internal::BodyOrder& order, const CollisionBody& collision_body) {
+  if (collision_body.kind == CollisionBody::Kind::kWorld) return -1;
+  if (collision_body.kind == CollisionBody::Kind::kFreeBody) return order.OnWire(-1, collision_body.index);
+  const auto& groups = world.mechanisms()[static_cast<std::size_t>(collision_body.index)].groups();
+  return order.OnWire(collision_body.index,
+                      groups[static_cast<std::size_t>(collision_body.group)].body.value());
 }
 
 // Those that act and those that are frozen.
 void WriteContacts(const Simulation& simulation, const internal::BodyOrder& order, ByteWriter& out) {
   const World& world = simulation.world();
-  const auto& contactors = world.contactors();
-  const std::vector<HoldForce> held = simulation.HoldForces();
+  const auto& collision_bodies = world.collision_bodies();
+  const std::vector<FrozenContactForce> held = simulation.FrozenContactForces();
   auto count = static_cast<std::uint32_t>(held.size());
   for (const ContactRecord& c : world.contacts()) count += c.impulse.x() > 0 ? 1 : 0;
   out.U32(count);
   for (const ContactRecord& c : world.contacts()) {
     if (!(c.impulse.x() > 0)) continue;
-    out.I32(BodyOf(world, order, contactors[static_cast<std::size_t>(c.point.body_a)]));
-    out.I32(BodyOf(world, order, contactors[static_cast<std::size_t>(c.point.body_b)]));
+    out.I32(BodyOf(world, order, collision_bodies[static_cast<std::size_t>(c.point.body_a)]));
+    out.I32(BodyOf(world, order, collision_bodies[static_cast<std::size_t>(c.point.body_b)]));
     out.Vector(c.point.point);
     out.Vector(c.point.frame.row(0).transpose());
     out.Vector(c.point.frame.transpose() * c.impulse / simulation.step_options().h);
     out.F32(c.point.gap);
     out.F32(c.friction);
   }
-  for (const HoldForce& f : held) {
+  for (const FrozenContactForce& f : held) {
     out.I32(order.OnWire(f.body));
     out.I32(order.OnWire(f.held));
     for (const Vector3* v : {&f.point_W, &f.normal_W, &f.force_W}) out.Vector(*v);
@@ -110,14 +111,14 @@ std::string EncodeMaps(const MechanismDynamics& dynamics, std::uint32_t epoch, s
     for (int k = 0; k < r; ++k) out.F32(model.Q(i, k));
   if (!twist) {
     WriteCompliance(model, out);
-    return out.Take();
+    return out.Release();
   }
   for (int i = 0; i < b; ++i) out.Pose(model.X_RB_ref[static_cast<std::size_t>(i)]);
   for (int i = 0; i < b; ++i)
     for (int k = 0; k < r; ++k)
       for (int c = 0; c < 6; ++c) out.F32(model.T(c, i * r + k));
   WriteCompliance(model, out);
-  return out.Take();
+  return out.Release();
 }
 
 std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::uint32_t sequence,
@@ -166,7 +167,7 @@ std::string EncodeFrame(const Simulation& simulation, std::uint32_t epoch, std::
   }
   out.U32(static_cast<std::uint32_t>(signals.size()));
   for (double v : signals) out.F32(v);
-  return out.Take();
+  return out.Release();
 }
 
 std::string EncodeGhost(const GhostView& view, const Simulation& simulation, std::uint32_t epoch) {
@@ -184,7 +185,7 @@ std::string EncodeGhost(const GhostView& view, const Simulation& simulation, std
     const Quaternion q = X.quaternion();
     for (double c : {q.w(), q.x(), q.y(), q.z()}) out.F32(c);
   }
-  return out.Take();
+  return out.Release();
 }
 
 }  // namespace fork1s

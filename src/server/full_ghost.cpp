@@ -225,7 +225,7 @@ std::optional<GhostView> FullGhost::Newest() const {
   return view;
 }
 
-std::optional<std::string> FullGhost::TakeFault() {
+std::optional<std::string> FullGhost::PopFault() {
   const std::lock_guard<std::mutex> lock(detail_->mutex);
   std::optional<std::string> fault;
   fault.swap(detail_->fault);

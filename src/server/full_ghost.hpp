@@ -62,7 +62,7 @@ class FullGhost {
   /// None before the full simulation is built.
   std::optional<GhostView> Newest() const;
   /// Why it ended by itself, once.
-  std::optional<std::string> TakeFault();
+  std::optional<std::string> PopFault();
 
  private:
   struct Detail;

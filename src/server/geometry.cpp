@@ -133,7 +133,7 @@ std::string EncodeMeshes(const Simulation& simulation) {
     out.U32(static_cast<std::uint32_t>(file.size()));
     out.Bytes(file);
   }
-  return out.Take();
+  return out.Release();
 }
 
 }  // namespace fork1s

@@ -9,7 +9,7 @@
 #include "body_order.hpp"
 #include "scene_description.hpp"
 #include "server/live_simulation.hpp"
-#include "sim/passing.hpp"
+#include "sim/interpenetration.hpp"
 
 namespace fork1s {
 namespace {
@@ -23,13 +23,13 @@ constexpr double kShortestStep = 1.0 / 64;  // of the first dt
 
 }  // namespace
 
-void LiveSimulation::ForgetError() {
+void LiveSimulation::ClearError() {
   error_.reset();
   scalars_.error = std::nan("");
 }
 
 void LiveSimulation::BeginError() {
-  if (!settings_.error) return ForgetError();
+  if (!settings_.error) return ClearError();
   if (error_) return;
   auto made = ErrorEstimate::Create(simulation_);
   if (made) {
@@ -50,7 +50,7 @@ void LiveSimulation::EndError(const StepReport& report) {
 }
 
 // As `run --accuracy` does: what the largest part of the error asks for.
-void LiveSimulation::KeepAccuracy() {
+void LiveSimulation::StoreAccuracy() {
   if (!(settings_.accuracy > 0) || !error_ || latest_.sequence < chosen_at_ + kChooseEvery) return;
   if (scalars_.error <= settings_.accuracy) return;
   chosen_at_ = latest_.sequence;
@@ -89,21 +89,21 @@ void LiveSimulation::KeepAccuracy() {
 }
 
 // Only interface bodies touch; what they alone make the user believe is said, with what helps.
-void LiveSimulation::LookForPassing() {
-  if (latest_.sequence % kLookEvery != 0 || paused_ || !simulation_.holds().empty() ||
+void LiveSimulation::FindInterpenetrations() {
+  if (latest_.sequence % kLookEvery != 0 || paused_ || !simulation_.frozen_grasps().empty() ||
       simulation_.bodies().size() > kMostWatched)
     return;
-  if (!passing_) {
-    auto watch = PassingWatch::Create(simulation_);
+  if (!interpenetration_) {
+    auto watch = InterpenetrationMonitor::Create(simulation_);
     if (!watch) return;
-    passing_ = std::make_shared<PassingWatch>(std::move(*watch));
+    interpenetration_ = std::make_shared<InterpenetrationMonitor>(std::move(*watch));
     advised_.clear();
   }
-  passing_->Look(simulation_);
+  interpenetration_->Update(simulation_);
   const internal::BodyOrder order(simulation_);
   Json items = Json::array();
   std::string now;
-  for (const Passing& p : passing_->Found()) {
+  for (const Interpenetration& p : interpenetration_->Found()) {
     const int body = simulation_.FindBody(p.body);
     if (body < 0 || items.size() >= 4) continue;
     now += p.body + '/' + p.other + ' ';

@@ -108,6 +108,6 @@ std::optional<Refusal> LiveSimulation::HandleWrite(const Command& c) {
   return {};
 }
 
-std::vector<LiveReply> LiveSimulation::TakeReplies() { return std::exchange(replies_, {}); }
+std::vector<LiveReply> LiveSimulation::PopReplies() { return std::exchange(replies_, {}); }
 
 }  // namespace fork1s

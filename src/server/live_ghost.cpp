@@ -50,7 +50,7 @@ void LiveSimulation::StepGhost() {
 
 void LiveSimulation::CaptureGhost(int viewers) {
   if (!ghost_on_) return;
-  if (auto fault = ghost_->TakeFault()) {
+  if (auto fault = ghost_->PopFault()) {
     faults_.push_back({"ghost", *fault});
     return SwitchGhost(false);
   }

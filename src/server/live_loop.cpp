@@ -13,9 +13,9 @@ namespace {
 void Answer(const std::optional<Refusal>& refusal, const Command& command, LiveServer& server) {
   if (!refusal) return;
   if (refusal->passing)
-    server.Tell(command.viewer, refusal->sentence);
+    server.Notify(command.viewer, refusal->sentence);
   else
-    server.TellProblem(command.viewer, "request", refusal->sentence);
+    server.SendProblem(command.viewer, "request", refusal->sentence);
 }
 
 }  // namespace
@@ -29,15 +29,15 @@ void RunLive(LiveSimulation& live, LiveServer& server, const std::function<bool(
     const auto begun = Clock::now();
     ration.Pass(std::chrono::duration<double>(begun - std::exchange(before, begun)).count());
     while (ration.Allows()) {
-      const auto command = server.TakeCommand();
+      const auto command = server.PopCommand();
       if (!command) break;
       const auto asked = Clock::now();
       Answer(live.Handle(*command), *command, server);
       ration.Spend(std::chrono::duration<double>(Clock::now() - asked).count());
     }
     live.Advance(0.9 / 60);
-    for (const LiveFault& fault : live.TakeFaults()) server.TellProblem(0, fault.about, fault.sentence);
-    for (const LiveReply& reply : live.TakeReplies()) server.Send(reply.viewer, reply.message);
+    for (const LiveFault& fault : live.PopFaults()) server.SendProblem(0, fault.about, fault.sentence);
+    for (const LiveReply& reply : live.PopReplies()) server.Send(reply.viewer, reply.message);
     server.Publish(live.Capture(server.num_viewers()));
     next += frame;
     const auto now = Clock::now();

@@ -7,8 +7,8 @@
 
 namespace fork1s {
 
-void LiveSimulation::KeepMoment() {
-  if (paused_ || !past_.Keeps(latest_.sequence)) return;
+void LiveSimulation::StoreMoment() {
+  if (paused_ || !past_.IsStored(latest_.sequence)) return;
   PastMoment m;
   m.sequence = latest_.sequence;
   m.epoch = latest_.epoch;
@@ -41,7 +41,7 @@ std::optional<Refusal> LiveSimulation::HandleResume(const Command& c) {
   pull_.reset();
   pushes_.clear();
   carry_ = 0;
-  ForgetError();
+  ClearError();
   if (ghost_on_) BeginGhost();
   PublishSettings();
   return {};

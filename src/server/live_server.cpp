@@ -77,7 +77,7 @@ struct LiveServer::Detail {
   /// False where the queue is full: the command is not taken.
   bool Queue(Command command);
   /// One viewer, or with 0 all. From any thread.
-  void Tell(int viewer, Message message);
+  void Notify(int viewer, Message message);
 
   ServerOptions options;
   std::string token;  // empty: none is required
@@ -118,7 +118,7 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
     });
   }
 
-  void Tell(Message message) {
+  void Notify(Message message) {
     constexpr std::size_t kMaxSentences = 16;
     if (sentences_.size() < kMaxSentences) sentences_.push_back(std::move(message));
     WriteNext();
@@ -161,11 +161,11 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
         self->open_ = false;
         return;
       }
-      self->Take();
+      self->Receive();
     });
   }
 
-  void Take() {
+  void Receive() {
     if (!socket_.got_text())
       return Refuse(websocket::close_code::unknown_data, "only text messages are understood");
     const std::string text = beast::buffers_to_string(buffer_.data());
@@ -174,7 +174,7 @@ class LiveServer::Detail::Viewer : public std::enable_shared_from_this<Viewer> {
     if (!command) return Refuse(websocket::close_code::policy_error, command.error().message);
     command->viewer = id_;
     if (!server_.Queue(std::move(*command)))
-      Tell(Notice("the simulation is busy; the last request was not taken"));
+      Notify(Notice("the simulation is busy; the last request was not taken"));
     Read();
   }
 
@@ -383,33 +383,35 @@ void LiveServer::Publish(Snapshot snapshot) {
   });
 }
 
-std::optional<Command> LiveServer::TakeCommand() {
+std::optional<Command> LiveServer::PopCommand() {
   const std::lock_guard<std::mutex> lock(detail_->mutex);
   return detail_->commands.Pop();
 }
 
-std::vector<Command> LiveServer::TakeCommands() {
+std::vector<Command> LiveServer::PopCommands() {
   std::vector<Command> out;
-  while (auto command = TakeCommand()) out.push_back(std::move(*command));
+  while (auto command = PopCommand()) out.push_back(std::move(*command));
   return out;
 }
 
-void LiveServer::Detail::Tell(int viewer, Message message) {
+void LiveServer::Detail::Notify(int viewer, Message message) {
   asio::post(*context, [this, viewer, message = std::move(message)] {
     for (auto& [id, weak] : viewers)
       if (viewer == 0 || id == viewer)
-        if (auto alive = weak.lock()) alive->Tell(message);
+        if (auto alive = weak.lock()) alive->Notify(message);
   });
 }
 
 void LiveServer::Send(int viewer, const std::string& message) {
-  detail_->Tell(viewer, std::make_shared<const std::string>(message));
+  detail_->Notify(viewer, std::make_shared<const std::string>(message));
 }
 
-void LiveServer::Tell(int viewer, const std::string& sentence) { detail_->Tell(viewer, Notice(sentence)); }
+void LiveServer::Notify(int viewer, const std::string& sentence) {
+  detail_->Notify(viewer, Notice(sentence));
+}
 
-void LiveServer::TellProblem(int viewer, const std::string& about, const std::string& sentence) {
-  detail_->Tell(viewer, std::make_shared<const std::string>(internal::ProblemMessage(about, sentence)));
+void LiveServer::SendProblem(int viewer, const std::string& about, const std::string& sentence) {
+  detail_->Notify(viewer, std::make_shared<const std::string>(internal::ProblemMessage(about, sentence)));
 }
 
 int LiveServer::num_viewers() const { return detail_->num_viewers; }

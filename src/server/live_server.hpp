@@ -44,15 +44,15 @@ class LiveServer {
   void Publish(Snapshot snapshot);
   /// The command that has waited longest. One that undoes another that still waits (a setting, a pull) takes
   /// its place.
-  std::optional<Command> TakeCommand();
+  std::optional<Command> PopCommand();
   /// All that wait, in the order in which they came.
-  std::vector<Command> TakeCommands();
+  std::vector<Command> PopCommands();
   /// One viewer, or with viewer 0 all, a message of docs/wire.md.
   void Send(int viewer, const std::string& message);
   /// Tells one viewer (or with viewer 0 all) a sentence that passes.
-  void Tell(int viewer, const std::string& sentence);
+  void Notify(int viewer, const std::string& sentence);
   /// Tells one viewer (or with viewer 0 all) what went wrong; it stays on the page. `about`: docs/wire.md.
-  void TellProblem(int viewer, const std::string& about, const std::string& sentence);
+  void SendProblem(int viewer, const std::string& about, const std::string& sentence);
   int num_viewers() const;
 
  private:

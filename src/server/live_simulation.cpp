@@ -76,9 +76,9 @@ void LiveSimulation::ShowShapes(std::uint32_t version) {
 
 // Everything that hangs on the identity of the reduced model.
 void LiveSimulation::AfterBuild() {
-  passing_.reset();
+  interpenetration_.reset();
   servos_ = ServosNow(original_, settings_);
-  ForgetError();
+  ClearError();
   encoded_reference_.assign(simulation_.world().mechanisms().size(), VectorX());
   latest_.maps.assign(encoded_reference_.size(), nullptr);
   latest_.versions.resize(encoded_reference_.size(), 0);
@@ -93,7 +93,7 @@ KeyframeDef LiveSimulation::PresentState() const { return SetDown(simulation_.St
 KeyframeDef LiveSimulation::SetDown(KeyframeDef key) const {
   for (std::size_t i = 0; i < key.mechanisms.size(); ++i)
     if (simulation_.given_mechanism(static_cast<int>(i)).base() == BaseKind::kDriven)
-      key.mechanisms[i].V_R.setZero();  // it is set down anew
+      key.mechanisms[i].V_R.setZero();  // it is set down again
   return key;
 }
 
@@ -118,8 +118,8 @@ Expected<void> LiveSimulation::Rebuild(LiveSettings settings, const KeyframeDef*
   auto built = Simulation::Create(std::move(scene), options);
   if (!built) return tl::unexpected(built.error());
   if (settings.detail == DetailLevel::kObject)
-    if (auto done = built->SetFidelity(FidelityOf(settings), simulation_.holds()); !done) return done;
-  const bool new_order = !simulation_.holds().empty() || !built->holds().empty();
+    if (auto done = built->SetFidelity(FidelityOf(settings), simulation_.frozen_grasps()); !done) return done;
+  const bool new_order = !simulation_.frozen_grasps().empty() || !built->frozen_grasps().empty();
   simulation_ = std::move(*built);
   time_offset_ = time;
   steps_before_ = steps;
@@ -144,11 +144,11 @@ Expected<void> LiveSimulation::Rebuild(LiveSettings settings, const KeyframeDef*
 
 Expected<void> LiveSimulation::ChangeFidelity(const LiveSettings& settings) {
   const double start = Now();
-  const bool held = !simulation_.holds().empty();
+  const bool held = !simulation_.frozen_grasps().empty();
   if (auto done = simulation_.SetFidelity(FidelityOf(settings)); !done) return done;
   settings_ = settings;
   scalars_.reduce_ms = 1e3 * (Now() - start);
-  if (held || !simulation_.holds().empty()) ShowShapes(latest_.geometry_version + 1);
+  if (held || !simulation_.frozen_grasps().empty()) ShowShapes(latest_.geometry_version + 1);
   AfterBuild();
   return {};
 }
@@ -357,7 +357,7 @@ void LiveSimulation::Advance(double wall_budget) {
   real_time_share_ = std::min(1.0, simulated_ / wanted_);
 }
 
-std::vector<LiveFault> LiveSimulation::TakeFaults() { return std::exchange(faults_, {}); }
+std::vector<LiveFault> LiveSimulation::PopFaults() { return std::exchange(faults_, {}); }
 
 void LiveSimulation::EncodeChangedMaps() {
   const auto& mechanisms = simulation_.world().mechanisms();
@@ -377,7 +377,7 @@ Snapshot LiveSimulation::Capture(int viewers) {
     settings_.signals = settings_.error = false;  // they cost time
     PublishSettings();
   }
-  KeepAccuracy();
+  StoreAccuracy();
   EncodeChangedMaps();
   scalars_.time = time_offset_ + simulation_.time();
   scalars_.steps = steps_before_ + static_cast<double>(simulation_.steps());
@@ -396,8 +396,8 @@ Snapshot LiveSimulation::Capture(int viewers) {
   if (settings_.signals) internal::MeasureSignals(simulation_, servos_, error_.get(), signals_);
   latest_.frame = Share(EncodeFrame(simulation_, latest_.epoch, latest_.sequence, paused_, scalars_,
                                     latest_.versions, shown_, signals_));
-  KeepMoment();
-  LookForPassing();
+  StoreMoment();
+  FindInterpenetrations();
   CaptureGhost(viewers);
   return latest_;
 }

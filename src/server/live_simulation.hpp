@@ -36,7 +36,7 @@ struct LiveReply {
   std::string message;  // JSON, as in docs/wire.md
 };
 
-class PassingWatch;
+class InterpenetrationMonitor;
 
 class LiveSimulation {
  public:
@@ -50,7 +50,7 @@ class LiveSimulation {
   void Play(ControlTrack controls, PushTrack pushes);
   /// Carries out a command. Returns why not if it cannot be, and changes nothing then.
   std::optional<Refusal> Handle(const Command& command);
-  /// Goes on with another model from its start: the file read anew, say. Viewers, pause and speed stay, as do
+  /// Goes on with another model from its start: the file read again, say. Viewers, pause and speed stay, as do
   /// the counts of messages; settings are those of `next`.
   void Replace(LiveSimulation next);
   /// What is wrong with the model's file as it now is, for all viewers, until Replace; empty: nothing.
@@ -65,9 +65,9 @@ class LiveSimulation {
   /// Pulls and pushes of the last step.
   const std::vector<ShownPull>& pulls() const { return shown_; }
   /// What stopped by itself, once.
-  std::vector<LiveFault> TakeFaults();
+  std::vector<LiveFault> PopFaults();
   /// What was written, what was found: to be sent.
-  std::vector<LiveReply> TakeReplies();
+  std::vector<LiveReply> PopReplies();
 
   /// The newest of everything. Without viewers the full simulation beside it is switched off.
   Snapshot Capture(int viewers);
@@ -113,12 +113,12 @@ class LiveSimulation {
   // live_file.cpp, live_past.cpp, live_fidelity.cpp
   std::string TuningMessage() const;
   void ShowTuning();
-  void KeepMoment();
-  void ForgetError();
+  void StoreMoment();
+  void ClearError();
   void BeginError();
   void EndError(const StepReport& report);
-  void KeepAccuracy();
-  void LookForPassing();
+  void StoreAccuracy();
+  void FindInterpenetrations();
   std::string SceneMessage() const;
   void PublishSettings();  // to every viewer
   std::string SettingsMessage() const;
@@ -150,7 +150,7 @@ class LiveSimulation {
   Past past_;
   std::vector<LiveReply> replies_;
   std::unique_ptr<ErrorEstimate> error_;
-  std::shared_ptr<PassingWatch> passing_;  // of the present model
+  std::shared_ptr<InterpenetrationMonitor> interpenetration_;  // of the present model
   std::string advised_;
   std::uint32_t chosen_at_ = 0;     // sequence of the last choice for the wanted accuracy
   double first_dt_ = 0;             // s

@@ -22,7 +22,7 @@ class Past {
  public:
   /// Ten moments a second; fewer where they are large, so that all take some 100 MB at most.
   explicit Past(std::size_t bodies = 0) : spacing_(static_cast<std::uint32_t>(6 + bodies / 20)) {}
-  bool Keeps(std::uint32_t sequence) const { return sequence % spacing_ == 0; }
+  bool IsStored(std::uint32_t sequence) const { return sequence % spacing_ == 0; }
 
   void Add(PastMoment moment) {
     constexpr std::size_t kFrames = 3600;  // a minute; a pause adds none

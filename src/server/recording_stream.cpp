@@ -19,7 +19,7 @@ void Append(std::string& out, bool binary, const std::string& message) {
   ByteWriter head;
   head.U32(binary ? 1 : 0);
   head.U32(static_cast<std::uint32_t>(message.size()));
-  out += head.Take();
+  out += head.Release();
   out += message;
 }
 
@@ -36,7 +36,7 @@ std::string EmptyMaps(const Mechanism& m, std::uint32_t root) {
     out.U32(word);
   for (int i = 0; i < m.num_coordinates(); ++i) out.F64(0);
   out.U32(0);
-  return out.Take();
+  return out.Release();
 }
 
 class FrameOfRecording {
@@ -76,7 +76,7 @@ class FrameOfRecording {
     const VectorX q = recording_.Coordinates(step);
     out.U32(static_cast<std::uint32_t>(q.size()));
     for (Eigen::Index k = 0; k < q.size(); ++k) out.F32(q(k));
-    return out.Take();
+    return out.Release();
   }
 
  private:

@@ -1,4 +1,4 @@
-// Names, trees and screws, told whenever the model is built anew; settings, told whenever one changes.
+// Names, trees and screws, told whenever the model is built again; settings, told whenever one changes.
 #include <algorithm>
 #include <cmath>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
@@ -89,7 +89,7 @@ void AddMechanism(const MechanismDynamics& dynamics, Json& out) {
     out["screws"].push_back(std::move(screw));
   }
   for (const Mechanism::Path& path : m.paths()) {
-    if (path.kind != PathKind::kThread) continue;  // what the page draws
+    if (path.kind != PathKind::kTendon) continue;  // what the page draws
     Json elements = Json::array();
     for (const PathElementDef& e : path.elements) elements.push_back(PathElement(e, first_body));
     out["tendons"].push_back({{"name", path.name}, {"root", root}, {"elements", std::move(elements)}});

@@ -1,4 +1,4 @@
-#include <fork1s/sim/vary.hpp>
+#include <fork1s/sim/scene_factors.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -11,14 +11,14 @@ namespace fork1s {
 using Message = std::shared_ptr<const std::string>;
 
 struct Snapshot {
-  Message geometry;  // JSON, anew with `meshes` whenever `geometry_version` counts on: another model
+  Message geometry;  // JSON, again with `meshes` whenever `geometry_version` counts on: another model
   Message meshes;    // binary
   std::uint32_t geometry_version = 0;
-  Message scene;  // JSON, anew whenever `epoch` counts on
+  Message scene;  // JSON, again whenever `epoch` counts on
   std::uint32_t epoch = 0;
-  Message settings;  // JSON, anew whenever `settings_version` counts on
+  Message settings;  // JSON, again whenever `settings_version` counts on
   std::uint32_t settings_version = 0;
-  Message tuning;  // JSON, anew whenever `tuning_version` counts on
+  Message tuning;  // JSON, again whenever `tuning_version` counts on
   std::uint32_t tuning_version = 0;
   Message problem;  // JSON: what is wrong with the model's file; none while `problem_version` is 0
   std::uint32_t problem_version = 0;

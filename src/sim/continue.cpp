@@ -112,7 +112,7 @@ Expected<Simulation> Continue(const Simulation& from, Scene scene) {
   scene.keyframes = {std::move(key)};
   auto next = Simulation::Create(std::move(scene), options);
   if (!next) return next;
-  if (auto detailed = next->SetFidelity(from.fidelity(), from.holds()); !detailed)
+  if (auto detailed = next->SetFidelity(from.fidelity(), from.frozen_grasps()); !detailed)
     return tl::unexpected(detailed.error());
   // The same moment with the clock and the inputs of before: so set-points over time go on where they were.
   Simulation::Snapshot moment = next->Save();

@@ -87,7 +87,8 @@ Expected<ErrorEstimate> ErrorEstimate::Create(const Simulation& simulation,
     auto whole = Copy(simulation);
     if (!whole) return tl::unexpected(whole.error());
     const Fidelity all{simulation.fidelity().level, kAllModes, Recovery::kExact};
-    if (auto set = whole->SetFidelity(all, simulation.holds()); !set) return tl::unexpected(set.error());
+    if (auto set = whole->SetFidelity(all, simulation.frozen_grasps()); !set)
+      return tl::unexpected(set.error());
     d.whole_model.emplace(std::move(*whole));
   }
   Detail::Values& v = d.values;

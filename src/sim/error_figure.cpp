@@ -46,7 +46,7 @@ void ErrorFigure::UpdateLargest() {
   }
 }
 
-void ErrorFigure::BeginAnew(const std::string& where) {
+void ErrorFigure::Restart(const std::string& where) {
   if (estimate_) values_.began_anew.insert(where);
   estimate_.reset();
 }
@@ -105,7 +105,7 @@ void ErrorFigure::Restore(const Simulation& simulation, const Snapshot& snapshot
   BeginStep(simulation);
   if (!estimate_) return;
   if (auto restored = estimate_->Restore(*snapshot.estimate); !restored)
-    BeginAnew("at a moment that was gone back to: " + restored.error().Text());
+    Restart("at a moment that was gone back to: " + restored.error().Text());
 }
 
 }  // namespace fork1s::internal

@@ -35,11 +35,11 @@ class ErrorFigure {
   /// Before Simulation::Step: makes the simulations beside this one where there are none.
   void BeginStep(const Simulation& simulation);
   void EndStep(const Simulation& simulation, const StepReport& report);
-  /// The simulation was built anew: the largest errors stay, and the error at this moment is taken as 0. `where`
-  /// completes "the error estimate began anew", for Warnings.
-  void BeginAnew(const std::string& where);
+  /// The simulation was built again: the largest errors stay, and the error at this moment is taken as 0. `where`
+  /// completes "the error estimate began again", for Warnings.
+  void Restart(const std::string& where);
 
-  /// The simulation is at a state of which no errors are known: forgets all. `where`: as of BeginAnew.
+  /// The simulation is at a state of which no errors are known: forgets all. `where`: as of Restart.
   void Reset(const std::string& where);
 
   const std::vector<Body>& bodies() const { return values_.bodies; }

@@ -21,8 +21,8 @@ std::vector<std::vector<std::string>> InterfaceNames(const Simulation& simulatio
         names.back().push_back(given.body(BodyIndex(own)).name);
     }
   }
-  for (const Hold& hold : simulation.holds())
-    for (const Hold::Contact& c : hold.contacts) {
+  for (const FrozenGrasp& hold : simulation.frozen_grasps())
+    for (const FrozenGrasp::Contact& c : hold.contacts) {
       auto& of_mechanism = names[static_cast<std::size_t>(c.mechanism)];
       if (std::find(of_mechanism.begin(), of_mechanism.end(), c.body) == of_mechanism.end())
         of_mechanism.push_back(c.body);

@@ -25,11 +25,11 @@ tl::unexpected<Error> Refuse(const Given& given, const std::vector<int>& members
 }
 
 // Mechanisms that hold a body together, directly or through others; each list ascending.
-std::vector<std::vector<int>> Groups(std::size_t count, const std::vector<Hold>& holds) {
+std::vector<std::vector<int>> Groups(std::size_t count, const std::vector<FrozenGrasp>& holds) {
   std::vector<int> group(count);
   std::iota(group.begin(), group.end(), 0);
-  for (const Hold& hold : holds)
-    for (const Hold::Contact& contact : hold.contacts) {
+  for (const FrozenGrasp& hold : holds)
+    for (const FrozenGrasp::Contact& contact : hold.contacts) {
       const int from = group[static_cast<std::size_t>(contact.mechanism)],
                 to = group[static_cast<std::size_t>(hold.contacts.front().mechanism)];
       std::replace(group.begin(), group.end(), from, to);
@@ -191,7 +191,7 @@ MechanismDef Empty(const MechanismDef& was) {
 
 }  // namespace
 
-Expected<std::vector<MechanismPlace>> PlacesOf(const Given& given, const std::vector<Hold>& holds) {
+Expected<std::vector<MechanismPlace>> PlacesOf(const Given& given, const std::vector<FrozenGrasp>& holds) {
   std::vector<MechanismPlace> places(given.size());
   for (std::size_t i = 0; i < given.size(); ++i) places[i].mechanism = static_cast<int>(i);
   for (std::vector<int>& members : Groups(given.size(), holds)) {
@@ -211,7 +211,7 @@ Expected<std::vector<MechanismPlace>> PlacesOf(const Given& given, const std::ve
   return places;
 }
 
-int MechanismThatHolds(const Hold& hold, const std::vector<MechanismPlace>& places) {
+int MechanismThatHolds(const FrozenGrasp& hold, const std::vector<MechanismPlace>& places) {
   return places[static_cast<std::size_t>(hold.contacts.front().mechanism)].mechanism;
 }
 

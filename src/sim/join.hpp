@@ -14,10 +14,10 @@ namespace fork1s::internal {
 /// coordinates, one that is fixed without any, and one that is driven not at all. Errors: kModel, for bases
 /// that cannot be joined and for names that two of them share.
 Expected<std::vector<MechanismPlace>> PlacesOf(const std::vector<std::shared_ptr<const Mechanism>>& given,
-                                               const std::vector<Hold>& holds);
+                                               const std::vector<FrozenGrasp>& holds);
 
 /// The mechanism of the world that takes in what is held.
-int MechanismThatHolds(const Hold& hold, const std::vector<MechanismPlace>& places);
+int MechanismThatHolds(const FrozenGrasp& hold, const std::vector<MechanismPlace>& places);
 
 /// Joins them: `state`, of the scene with q in the order of `given`, becomes the same state of the new scene,
 /// in which a mechanism that was taken in leaves an empty one in its place.

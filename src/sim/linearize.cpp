@@ -152,7 +152,7 @@ class Linearizer {
     if (auto done = Check(); !done) return tl::unexpected(done.error());
     return std::move(out_);
   }
-  void GoBack() { Restore(start_); }
+  void RestoreStart() { Restore(start_); }
 
  private:
   std::string NameOf(Eigen::Index k) const {
@@ -373,7 +373,7 @@ Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOption
     if (body < 0 || body >= static_cast<int>(simulation.bodies().size()))
       return refuse(
           fmt::format("there is no body {}; bodies are 0 to {}", body, simulation.bodies().size() - 1));
-  if (!simulation.holds().empty())
+  if (!simulation.frozen_grasps().empty())
     return refuse("bodies are held by frozen contacts; let them go by another level of detail");
 
   const StepOptions given = simulation.step_options();
@@ -381,7 +381,7 @@ Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOption
   simulation.step_options().newton_tolerance = kTolerance;
   Linearizer linearizer(simulation, options);
   auto out = linearizer.Linearize();
-  linearizer.GoBack();
+  linearizer.RestoreStart();
   simulation.step_options() = given;
   return out;
 }

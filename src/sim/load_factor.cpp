@@ -34,12 +34,12 @@ LoadedContact::Side SideOf(const Simulation& simulation, int body) {
 }
 
 std::vector<LoadedContact> FrozenContacts(const Simulation& simulation) {
-  const std::vector<HoldForce> forces = simulation.HoldForces();
+  const std::vector<FrozenContactForce> forces = simulation.FrozenContactForces();
   std::vector<LoadedContact> out;
   std::size_t next = 0;
-  for (const Hold& hold : simulation.holds())
-    for (const Hold::Contact& contact : hold.contacts) {
-      const HoldForce& f = forces[next++];
+  for (const FrozenGrasp& hold : simulation.frozen_grasps())
+    for (const FrozenGrasp::Contact& contact : hold.contacts) {
+      const FrozenContactForce& f = forces[next++];
       // How far the point migrates where the surfaces roll, from the spring that stands for it. The spring
       // about y is that of a way along z.
       const Matrix3 axes = (simulation.Pose(f.body) * contact.X_BC).rotation();
@@ -55,11 +55,11 @@ std::vector<LoadedContact> FrozenContacts(const Simulation& simulation) {
 }  // namespace
 
 LoadFactor ComputeLoadFactor(const Simulation& simulation) {
-  if (simulation.holds().empty()) return ComputeLoadFactor(simulation.world(), simulation.dt());
+  if (simulation.frozen_grasps().empty()) return ComputeLoadFactor(simulation.world(), simulation.dt());
   std::vector<LoadedContact> contacts = FrozenContacts(simulation);
   for (const ContactRecord& c : simulation.world().contacts())
-    contacts.push_back({SideOf(simulation, simulation.BodyOfContactor(c.point.body_a)),
-                        SideOf(simulation, simulation.BodyOfContactor(c.point.body_b)), c.point.point,
+    contacts.push_back({SideOf(simulation, simulation.BodyOfCollisionBody(c.point.body_a)),
+                        SideOf(simulation, simulation.BodyOfCollisionBody(c.point.body_b)), c.point.point,
                         c.point.frame.transpose() * c.impulse / simulation.dt(),
                         c.point.frame.row(0).transpose(),
                         ComputeInverseCurvature(simulation.world(), c.point),

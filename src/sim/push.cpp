@@ -33,7 +33,7 @@ std::optional<std::vector<double>> Numbers(const std::string& text) {
 }
 
 // Cuts "@PX,PY,PZ" off the end, if that is what stands there; names may hold an @.
-Vector3 TakePoint(std::string& text) {
+Vector3 UpdatePoint(std::string& text) {
   const auto at = text.rfind('@');
   if (at == std::string::npos) return Vector3::Zero();
   const auto numbers = Numbers(text.substr(at + 1));
@@ -74,7 +74,7 @@ Expected<Column> ReadColumn(const std::string& name, bool is_force, const std::s
   Column column;
   column.row = static_cast<int>(axis) + (is_force ? 3 : 0);
   column.body = rest.substr(0, colon);
-  column.point_B = TakePoint(column.body);
+  column.point_B = UpdatePoint(column.body);
   if (column.body.empty()) return refuse();
   return column;
 }
@@ -101,7 +101,7 @@ Expected<Push> PushTrack::Parse(const std::string& text, const std::string& opti
     push.to = *t1;
     rest.erase(last);
   }
-  push.point_B = TakePoint(rest);
+  push.point_B = UpdatePoint(rest);
   const auto colon = rest.rfind(':');
   if (colon == std::string::npos || colon == 0) return refuse("there is no body before the force");
   const auto numbers = Numbers(rest.substr(colon + 1));
@@ -113,7 +113,7 @@ Expected<Push> PushTrack::Parse(const std::string& text, const std::string& opti
   return push;
 }
 
-Expected<PushTrack> PushTrack::TakeFrom(ControlTrack& track, const std::string& where) {
+Expected<PushTrack> PushTrack::ExtractFrom(ControlTrack& track, const std::string& where) {
   PushTrack out;
   ControlTrack kept;
   kept.times = track.times;

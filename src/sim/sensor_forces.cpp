@@ -16,9 +16,10 @@ using internal::MomentumOf;
 void PutVector(const Vector3& v, double* out) { std::copy_n(v.data(), 3, out); }
 
 // Place of the body that a shape of a collision body is of; -1: the world.
-int BodyOfGeometry(const Simulation& simulation, int contactor, int geometry) {
-  const Contactor& c = simulation.world().contactors()[static_cast<std::size_t>(contactor)];
-  if (c.kind != Contactor::Kind::kGroup || geometry < 0) return simulation.BodyOfContactor(contactor);
+int BodyOfGeometry(const Simulation& simulation, int collision_body, int geometry) {
+  const CollisionBody& c = simulation.world().collision_bodies()[static_cast<std::size_t>(collision_body)];
+  if (c.kind != CollisionBody::Kind::kGroup || geometry < 0)
+    return simulation.BodyOfCollisionBody(collision_body);
   const MechanismDynamics& m = simulation.world().mechanisms()[static_cast<std::size_t>(c.index)];
   // A group has the colliding shapes of its bodies one after another (GroupGeometry).
   for (const BodyIndex b : m.groups()[static_cast<std::size_t>(c.group)].bodies) {
@@ -27,7 +28,7 @@ int BodyOfGeometry(const Simulation& simulation, int contactor, int geometry) {
         std::count_if(shapes.begin(), shapes.end(), [](const GeometryDef& g) { return g.Collides(); }));
     if (geometry < 0) return simulation.BodyOf(c.index, b.value());
   }
-  return simulation.BodyOfContactor(contactor);
+  return simulation.BodyOfCollisionBody(collision_body);
 }
 
 // Where a ray p + t d is inside of something: t from `first` to `last`.
@@ -182,7 +183,7 @@ void Sensors::EvaluateCut(const Simulation& simulation, const SensorDef& s, doub
       if (has(simulation.FindBody(def.body_b))) subtract(force, record.point_W, moment);
       if (has(simulation.FindBody(def.body_a))) subtract(-force, record.point_W, -moment);
     }
-  for (const HoldForce& hold : simulation.HoldForces()) {
+  for (const FrozenContactForce& hold : simulation.FrozenContactForces()) {
     if (has(hold.held)) subtract(hold.force_W, hold.point_W, Vector3::Zero());
     if (has(hold.body)) subtract(-hold.force_W, hold.point_W, Vector3::Zero());
   }
@@ -209,7 +210,7 @@ double Sensors::TouchForce(const Simulation& simulation, const SensorDef& s) con
     else if (BodyOfGeometry(simulation, c.point.body_b, c.point.geometry_b) == body)
       add(c.point.point, -normal, force);
   }
-  for (const HoldForce& hold : simulation.HoldForces()) {
+  for (const FrozenContactForce& hold : simulation.FrozenContactForces()) {
     const double force = hold.force_W.dot(hold.normal_W);
     if (hold.body == body)
       add(hold.point_W, hold.normal_W, force);

@@ -134,7 +134,7 @@ Sensors::Frame Sensors::FrameOf(const Simulation& simulation, const SensorFrame&
 
 Mechanism::Length Sensors::LengthFrom(const Simulation& simulation, int mechanism,
                                       const std::vector<std::pair<FreedomRef, double>>& terms,
-                                      const PathUse& along) {
+                                      const PathRef& along) {
   Mechanism::Length length;
   if (mechanism < 0) return length;
   const Mechanism& built = simulation.given_mechanism(mechanism);

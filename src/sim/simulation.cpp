@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/recovery/recover.hpp>
-#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/queries.hpp>
 
 #include "join.hpp"
 #include "sensor_needs.hpp"
@@ -96,9 +96,9 @@ StepReport Simulation::Step(bool controls_move) {
                  step_options_.newton_tolerance, "; give a number above 0");
   PassControls(controls_move);
   CollectPointSprings();
-  // HoldForces asks for them after the step, which forgets them.
+  // FrozenContactForces asks for them after the step, which forgets them.
   last_step_.wrenches_W.clear();
-  if (!holds_.empty())
+  if (!frozen_grasps_.empty())
     for (const MechanismDynamics& m : world_.mechanisms())
       m.ComputeLoadWrenches_W(last_step_.wrenches_W.emplace_back());
   RecordStartMotions();

@@ -6,8 +6,8 @@
 #include <fork1s/mechanism/kinematics.hpp>
 
 #include "diagnostics/closure_forces.hpp"
-#include "hold.hpp"
-#include "hold_shares.hpp"
+#include "frozen_grasp.hpp"
+#include "frozen_shares.hpp"
 #include "mechanism/activation.hpp"
 
 namespace fork1s {
@@ -36,7 +36,7 @@ void Simulation::ListWarnings() {
   warnings_.clear();
   for (std::size_t i = 0; i < given_.size(); ++i) {
     const MechanismDynamics& m = world_.mechanisms()[i];
-    const bool holds = std::any_of(holds_.begin(), holds_.end(), [&](const Hold& h) {
+    const bool holds = std::any_of(frozen_grasps_.begin(), frozen_grasps_.end(), [&](const FrozenGrasp& h) {
       return internal::MechanismThatHolds(h, places_) == places_[i].mechanism;
     });
     if (!holds) own_warnings_[i] = m.warnings();
@@ -70,9 +70,9 @@ void Simulation::ListBodies() {
   int free = 0;
   for (std::size_t f = 0; f < scene_.free_bodies.size(); ++f) {
     const std::string& name = scene_.free_bodies[f].name;
-    const auto hold = std::find_if(holds_.begin(), holds_.end(),
-                                   [&](const Hold& h) { return h.free_body == static_cast<int>(f); });
-    if (hold == holds_.end()) {
+    const auto hold = std::find_if(frozen_grasps_.begin(), frozen_grasps_.end(),
+                                   [&](const FrozenGrasp& h) { return h.free_body == static_cast<int>(f); });
+    if (hold == frozen_grasps_.end()) {
       bodies_.push_back({name, -1, free++, false});
       continue;
     }
@@ -98,11 +98,11 @@ int Simulation::BodyOf(int mechanism, int index) const {
   return index < static_cast<int>(own.size()) ? own[static_cast<std::size_t>(index)] : -1;
 }
 
-int Simulation::BodyOfContactor(int contactor) const {
-  internal::RequireIndex("collision body", contactor, world_.contactors().size());
-  const Contactor& c = world_.contactors()[static_cast<std::size_t>(contactor)];
-  if (c.kind == Contactor::Kind::kFreeBody) return BodyOf(-1, c.index);
-  if (contactor == 0) return -1;  // the world itself; a fixed base is still too, and has a body
+int Simulation::BodyOfCollisionBody(int collision_body) const {
+  internal::RequireIndex("collision body", collision_body, world_.collision_bodies().size());
+  const CollisionBody& c = world_.collision_bodies()[static_cast<std::size_t>(collision_body)];
+  if (c.kind == CollisionBody::Kind::kFreeBody) return BodyOf(-1, c.index);
+  if (collision_body == 0) return -1;  // the world itself; a fixed base is still too, and has a body
   const MechanismDynamics& m = world_.mechanisms()[static_cast<std::size_t>(c.index)];
   return BodyOf(c.index, m.groups()[static_cast<std::size_t>(c.group)].body.value());
 }
@@ -170,9 +170,10 @@ KeyframeDef Simulation::State() const {
   return key;
 }
 
-Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vector<Hold>& known_holds) {
+Expected<void> Simulation::SetFidelity(const Fidelity& fidelity,
+                                       const std::vector<FrozenGrasp>& known_grasps) {
   if (fidelity == fidelity_) return {};
-  std::vector<Hold> holds;
+  std::vector<FrozenGrasp> holds;
   if (fidelity.level == DetailLevel::kObject) {
     for (const MechanismDef& m : scene_.mechanisms)
       if (!m.adhesions.empty())
@@ -186,8 +187,8 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
                     "equality '" + m.switched_closures.front().name + "' of mechanism '" + m.name + "'",
                     "detail 'object' makes one mechanism of what holds a body, and would not let go with an "
                     "equality that is switched off; keep detail 'interface'");
-    holds = holds_.empty() ? known_holds : holds_;
-    if (holds.empty()) holds = internal::FindHolds(*present_scene_, world_, dt_);
+    holds = frozen_grasps_.empty() ? known_grasps : frozen_grasps_;
+    if (holds.empty()) holds = internal::FindFrozenGrasps(*present_scene_, world_, dt_);
     if (holds.empty())
       return Fail(
           ErrorCode::kModel, "scene '" + scene_.name + "'",
@@ -198,7 +199,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   if (!places) return tl::unexpected(places.error());
   Scene scene = RefineInterfaces(scene_, fidelity.level);
   KeyframeDef state = State();
-  internal::HoldInScene(holds, *places, given_, scene, state);
+  internal::FreezeInScene(holds, *places, given_, scene, state);
   // Keyframes of the scene know nothing of what is held.
   scene.keyframes = {state};
   World::Options options = WorldOptions(fidelity);
@@ -209,7 +210,7 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   present_scene_ = std::make_shared<const Scene>(std::move(scene));
   world_keyframe_ = 0;
   fidelity_ = fidelity;
-  holds_ = std::move(holds);
+  frozen_grasps_ = std::move(holds);
   places_ = std::move(*places);
   last_step_.exists = false;
   last_step_.wrenches_W.clear();
@@ -218,9 +219,9 @@ Expected<void> Simulation::SetFidelity(const Fidelity& fidelity, const std::vect
   return {};
 }
 
-std::vector<HoldForce> Simulation::HoldForces() const {
-  std::vector<HoldForce> out;
-  for (const Hold& hold : holds_) {
+std::vector<FrozenContactForce> Simulation::FrozenContactForces() const {
+  std::vector<FrozenContactForce> out;
+  for (const FrozenGrasp& hold : frozen_grasps_) {
     const int number = internal::MechanismThatHolds(hold, places_);
     const auto i = static_cast<std::size_t>(number);
     const MechanismDynamics& m = world_.mechanisms()[i];
@@ -233,10 +234,10 @@ std::vector<HoldForce> Simulation::HoldForces() const {
         contacts_R.col(b) = AdjointTransposeApply(X_WR, last_step_.wrenches_W[i].col(b));
     for (const ContactRecord& c : world_.contacts()) {
       const Vector3 force_W = NetImpulse(c) / dt_;
-      for (const auto& [contactor, sign] :
+      for (const auto& [collision_body, sign] :
            {std::pair(c.point.body_a, -1.0), std::pair(c.point.body_b, 1.0)}) {
-        const Contactor& who = world_.contactors()[static_cast<std::size_t>(contactor)];
-        if (who.kind != Contactor::Kind::kGroup || who.index != number) continue;
+        const CollisionBody& who = world_.collision_bodies()[static_cast<std::size_t>(collision_body)];
+        if (who.kind != CollisionBody::Kind::kGroup || who.index != number) continue;
         Vector6 F_W;
         F_W << sign * c.point.point.cross(force_W), sign * force_W;
         contacts_R.col(m.groups()[static_cast<std::size_t>(who.group)].body.value()) +=
@@ -244,17 +245,17 @@ std::vector<HoldForce> Simulation::HoldForces() const {
       }
     }
     const std::string& name = scene_.free_bodies[static_cast<std::size_t>(hold.free_body)].name;
-    const auto contact_of = [&](const ClosureDef& closure) -> const Hold::Contact* {
+    const auto contact_of = [&](const ClosureDef& closure) -> const FrozenGrasp::Contact* {
       for (std::size_t k = 0; k < hold.contacts.size(); ++k)
         if (closure.name == internal::HoldName(name, k + 1)) return &hold.contacts[k];
       return nullptr;
     };
     VectorX near = VectorX::Zero(mechanism.num_constraints());
-    std::vector<internal::HoldRows> shares;
+    std::vector<internal::FrozenContactRows> shares;
     Eigen::Index row = 0;
     for (const ClosureDef& closure : mechanism.closures()) {
       const auto rows = closure.rigid.count();
-      if (const Hold::Contact* contact = contact_of(closure)) {
+      if (const FrozenGrasp::Contact* contact = contact_of(closure)) {
         near.segment(row, rows) = -contact->force_C.head(rows);
         shares.push_back({row, contact->friction, contact->frictionless});
       }
@@ -266,8 +267,8 @@ std::vector<HoldForce> Simulation::HoldForces() const {
     row = 0;
     for (const ClosureDef& closure : mechanism.closures()) {
       const auto rows = closure.rigid.count();
-      if (const Hold::Contact* contact = contact_of(closure)) {
-        HoldForce f;
+      if (const FrozenGrasp::Contact* contact = contact_of(closure)) {
+        FrozenContactForce f;
         f.body = BodyOf(number, closure.body_a.value());
         f.held = BodyOf(number, closure.body_b.value());
         const RigidTransform X_WC = m.BodyPose(closure.body_a) * contact->X_BC;

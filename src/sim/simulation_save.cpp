@@ -8,7 +8,7 @@
 namespace fork1s {
 
 Simulation::Snapshot Simulation::Save() const {
-  Snapshot snapshot{steps_,         controls_,       last_controls_, base_rates_, fidelity_, holds_,
+  Snapshot snapshot{steps_,         controls_,       last_controls_, base_rates_, fidelity_, frozen_grasps_,
                     present_scene_, world_keyframe_, base_start_,    last_step_,  {}};
   world_.Save(snapshot.world);
   return snapshot;
@@ -25,11 +25,12 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   if (then.name != scene_.name) return other("another name");
   if (then.mechanisms.size() != scene_.mechanisms.size()) return other("another number of mechanisms");
   if (snapshot.controls.size() != controls_.size()) return other("another number of controls");
-  auto places = internal::PlacesOf(given_, snapshot.holds);
+  auto places = internal::PlacesOf(given_, snapshot.frozen_grasps);
   if (!places) return tl::unexpected(places.error());
-  const bool same_world = fidelity_ == snapshot.fidelity && world_keyframe_ == snapshot.keyframe &&
-                          holds_.size() == snapshot.holds.size() &&
-                          (present_scene_ == snapshot.made_of || (holds_.empty() && world_keyframe_ < 0));
+  const bool same_world =
+      fidelity_ == snapshot.fidelity && world_keyframe_ == snapshot.keyframe &&
+      frozen_grasps_.size() == snapshot.frozen_grasps.size() &&
+      (present_scene_ == snapshot.made_of || (frozen_grasps_.empty() && world_keyframe_ < 0));
   if (!same_world) {
     World::Options options = WorldOptions(snapshot.fidelity);
     options.initial_keyframe = snapshot.keyframe;
@@ -44,7 +45,7 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   present_scene_ = snapshot.made_of;
   world_keyframe_ = snapshot.keyframe;
   fidelity_ = snapshot.fidelity;
-  holds_ = snapshot.holds;
+  frozen_grasps_ = snapshot.frozen_grasps;
   places_ = std::move(*places);
   steps_ = snapshot.steps;
   controls_ = snapshot.controls;
@@ -53,7 +54,7 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   base_start_ = snapshot.base_start;
   last_step_ = snapshot.last_step;
   // Forces of frozen contacts depend on more than what is saved.
-  last_step_.exists = last_step_.exists && holds_.empty();
+  last_step_.exists = last_step_.exists && frozen_grasps_.empty();
   ListBodies();
   return {};
 }

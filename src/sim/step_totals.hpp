@@ -3,7 +3,7 @@
 
 #include <cstdint>
 #include <fork1s/sim/control_move.hpp>
-#include <fork1s/sim/tally.hpp>
+#include <fork1s/sim/run_statistics.hpp>
 #include <optional>
 #include <string>
 

@@ -21,8 +21,8 @@ VectorX ActivationsOf(const MechanismState& state) {
   return a;
 }
 
-const VectorX& UpdateActivations(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+const VectorX& UpdateActivations(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   if (state.activation.size() == 0) return state.controls;
   for (Eigen::Index k = 0; k < state.controls.size(); ++k) ws.scratch.activation(k) = ActivationOf(state, k);
   return ws.scratch.activation;
@@ -36,9 +36,9 @@ double ActivationAfter(const MechanismState& start, Eigen::Index control, double
       start.activation(control), u, rate, t);
 }
 
-void AdvanceActivations(const MechanismStep& here, const MechanismState& start, double share, double h) {
+void AdvanceActivations(const StepContext& ctx, const MechanismState& start, double share, double h) {
   for (Eigen::Index k = 0; k < start.activation.size(); ++k)
-    if (HasDynamics(start, k)) here.state.activation(k) = ActivationAfter(start, k, share * h, h);
+    if (HasDynamics(start, k)) ctx.state.activation(k) = ActivationAfter(start, k, share * h, h);
 }
 
 }  // namespace fork1s

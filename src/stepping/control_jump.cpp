@@ -19,8 +19,8 @@ namespace fork1s {
 namespace {
 
 // c of a control whose force is along ws.scratch.jump.force [r].
-double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
-  const auto& [model, state, ws] = here;
+double ShareInFirstStage(const StepContext& ctx, double b, double onward) {
+  const auto& [model, state, ws] = ctx;
   const int r = model.size();
   ws.scratch.rhs.setZero(model.num_velocities());
   ws.scratch.rhs.tail(r) = ws.scratch.jump.force;
@@ -38,12 +38,12 @@ double ShareInFirstStage(const MechanismStep& here, double b, double onward) {
 
 }  // namespace
 
-void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, double b, double onward) {
-  const auto& [model, state, ws] = here;
+void ReduceControlJumps(const StepContext& ctx, const MechanismState& start, double b, double onward) {
+  const auto& [model, state, ws] = ctx;
   if (start.controls_move || model.size() == 0) return;
   if (start.controls == start.controls_from && start.activation.size() == 0) return;
   ws.stage.v_k = ws.x;
-  StartStageMatrix(here, b);
+  StartStageMatrix(ctx, b);
   if (!ws.matrix.is_definite) return;
   ws.scratch.jump.control.setZero(start.controls.size());
   for (Eigen::Index i = 0; i < start.controls.size(); ++i) {
@@ -58,7 +58,7 @@ void ReduceControlJumps(const MechanismStep& here, const MechanismState& start, 
                     ws.scratch.jump.tau);
     ws.scratch.jump.control(i) = 0;
     ws.scratch.jump.force.noalias() = ws.Q_now().transpose() * ws.scratch.jump.tau;
-    const double share = ShareInFirstStage(here, b, onward);
+    const double share = ShareInFirstStage(ctx, b, onward);
     if (!moves)
       state.controls(i) -= (1 - share) * jump;
     else if (const double most = std::max(share, 1 / (1 + onward));

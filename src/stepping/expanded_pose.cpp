@@ -26,10 +26,10 @@ std::vector<int> AskedCoordinates(const Mechanism& m) {
 
 // A pose where loops are closed exactly, from where the last exact one left them: the same bits whatever came
 // between.
-Configuration ConfigureExactly(const MechanismView& here) {
-  Configuration c(*here.model.reduced);
-  c.mu = here.state.mu;
-  Configure(*here.model.reduced, here.state.reduced, c);
+Configuration ConfigureExactly(const ConstStepContext& ctx) {
+  Configuration c(*ctx.model.reduced);
+  c.mu = ctx.state.mu;
+  Configure(*ctx.model.reduced, ctx.state.reduced, c);
   return c;
 }
 
@@ -82,16 +82,16 @@ void SubtractServos(const Mechanism& m, ExpandedMechanism& out) {
 
 }  // namespace
 
-void Expand(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  const Configuration at = ConfigureExactly(here);
+void Expand(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  const Configuration at = ConfigureExactly(ctx);
   state.mu = at.mu;
   state.expanded_at = state.reduced.z;
-  ExpandAt(here, at);
+  ExpandAt(ctx, at);
 }
 
-void ExpandAt(const MechanismStep& here, const Configuration& at) {
-  const auto& [model, state, ws] = here;
+void ExpandAt(const StepContext& ctx, const Configuration& at) {
+  const auto& [model, state, ws] = ctx;
   auto out = std::make_shared<ExpandedMechanism>();
   out->of = model.reduced;
   out->expansion = Expand(*model.reduced, state.expanded_at, at);
@@ -117,8 +117,8 @@ void ExpandAt(const MechanismStep& here, const Configuration& at) {
   ws.expansion.of = std::move(out);
 }
 
-void MoveExpanded(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void MoveExpanded(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const Expansion& expansion = ws.expansion.of->expansion;
   ExpandedPose& pose = ws.expansion.pose;
   ws.has_exact_pose.store(false);
@@ -140,8 +140,8 @@ void MoveExpanded(const MechanismStep& here) {
   }
 }
 
-void ComputeExpandedJointRates(const MechanismStep& here, const VectorX& w, VectorX& q_dot) {
-  const auto& [model, state, ws] = here;
+void ComputeExpandedJointRates(const StepContext& ctx, const VectorX& w, VectorX& q_dot) {
+  const auto& [model, state, ws] = ctx;
   const Expansion& expansion = ws.expansion.of->expansion;
   ExpandedPose& pose = ws.expansion.pose;
   q_dot.noalias() = expansion.Q * w;
@@ -153,20 +153,20 @@ void ComputeExpandedJointRates(const MechanismStep& here, const VectorX& w, Vect
   model.reduced->loops.SubtractTransposed(model.reduced->B, pose.loop_rates, q_dot);
 }
 
-void ComputeExpandedMass(const MechanismStep& here) {
-  MechanismWorkspace& ws = here.work;
+void ComputeExpandedMass(const StepContext& ctx) {
+  MechanismWorkspace& ws = ctx.work;
   ws.mass.M = ws.expansion.of->expansion.M + ws.expansion.pose.G + ws.expansion.pose.G.transpose();
 }
 
-void ComputeExpandedMomenta(const MechanismStep& here, StageBase& out) {
-  MechanismWorkspace& ws = here.work;
+void ComputeExpandedMomenta(const StepContext& ctx, StageBase& out) {
+  MechanismWorkspace& ws = ctx.work;
   out.rates = ws.x;
   out.turned_rates.noalias() = ws.expansion.pose.G * ws.x;
 }
 
-void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& base, const VectorX& v,
+void ComputeExpandedMomentumChange(const StepContext& ctx, const StageBase& base, const VectorX& v,
                                    double b) {
-  MechanismWorkspace& ws = here.work;
+  MechanismWorkspace& ws = ctx.work;
   ExpandedPose& pose = ws.expansion.pose;
   const Expansion& expansion = ws.expansion.of->expansion;
   VectorX& change = ws.momentum_change.reduced;
@@ -179,7 +179,7 @@ void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& b
     change.noalias() -= b * (expansion.D * v);
     change.noalias() -= b * (pose.D * v);
     change.noalias() -= b * (pose.D.transpose() * v);
-    const auto& servos = here.model.mechanism().force_limits();
+    const auto& servos = ctx.model.mechanism().force_limits();
     for (std::size_t k = 0; k < servos.size(); ++k) {
       if (servos[k].damping == 0) continue;
       const auto row = pose.servo_rows.col(static_cast<Eigen::Index>(k));
@@ -189,8 +189,8 @@ void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& b
   ws.momentum_change.all = change;
 }
 
-void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
-  const auto& [model, state, ws] = here;
+void LoadExpandedForces(const StepContext& ctx, const Vector3& gravity_R) {
+  const auto& [model, state, ws] = ctx;
   const Expansion& expansion = ws.expansion.of->expansion;
   const ExpandedPose& pose = ws.expansion.pose;
   VectorX& f = ws.forces.f_z;
@@ -210,20 +210,20 @@ void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R) {
   }
   const auto& servos = model.mechanism().force_limits();
   for (std::size_t k = 0; k < servos.size(); ++k)
-    f += servos[k].stiffness * (servos[k].rest - Length(here, servos[k].length)) *
+    f += servos[k].stiffness * (servos[k].rest - Length(ctx, servos[k].length)) *
          pose.servo_rows.col(static_cast<Eigen::Index>(k));
 }
 
-void AddExpandedOperator(const MechanismStep& here, double b) {
-  MechanismWorkspace& ws = here.work;
+void AddExpandedOperator(const StepContext& ctx, double b) {
+  MechanismWorkspace& ws = ctx.work;
   MatrixX& A = ws.matrix.A;
   const Expansion& expansion = ws.expansion.of->expansion;
   const MatrixX& D = ws.expansion.pose.D;
   A += b * (expansion.D + D + D.transpose()) + b * b * expansion.K;
-  const auto& servos = here.model.mechanism().force_limits();
+  const auto& servos = ctx.model.mechanism().force_limits();
   for (std::size_t k = 0; k < servos.size(); ++k)
-    if (here.state.at_bound[k] == 0)
-      AddSpringOf(here, servos[k].length, b * servos[k].damping + b * b * servos[k].stiffness, true);
+    if (ctx.state.at_bound[k] == 0)
+      AddRankOneStiffness(ctx, servos[k].length, b * servos[k].damping + b * b * servos[k].stiffness, true);
 }
 
 }  // namespace fork1s

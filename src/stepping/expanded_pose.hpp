@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "reduction/expansion.hpp"
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 
 namespace fork1s {
 
@@ -42,22 +42,21 @@ struct ExpandedPose {
 };
 
 /// Expands about the present z, which need not be the pose at hand. Allocates.
-void Expand(const MechanismStep& here);
+void Expand(const StepContext& ctx);
 /// About the pose of `at`, which closes the loops at the z that the state is expanded at.
-void ExpandAt(const MechanismStep& here, const Configuration& at);
+void ExpandAt(const StepContext& ctx, const Configuration& at);
 /// The pose at hand <- that of the present z.
-void MoveExpanded(const MechanismStep& here);
+void MoveExpanded(const StepContext& ctx);
 /// q_dot [n] <- rates of joints at rates w, to first order in δ.
-void ComputeExpandedJointRates(const MechanismStep& here, const VectorX& w, VectorX& q_dot);
-void ComputeExpandedMass(const MechanismStep& here);
+void ComputeExpandedJointRates(const StepContext& ctx, const VectorX& w, VectorX& q_dot);
+void ComputeExpandedMass(const StepContext& ctx);
 /// Momenta at the velocity x of the workspace and the pose at hand.
-void ComputeExpandedMomenta(const MechanismStep& here, StageBase& out);
+void ComputeExpandedMomenta(const StepContext& ctx, StageBase& out);
 /// momentum_change.all <- of `base` less those at velocity v, with what dampers give within b [s].
-void ComputeExpandedMomentumChange(const MechanismStep& here, const StageBase& base, const VectorX& v,
-                                   double b);
+void ComputeExpandedMomentumChange(const StepContext& ctx, const StageBase& base, const VectorX& v, double b);
 /// forces.f_z <- springs, weight and controls.
-void LoadExpandedForces(const MechanismStep& here, const Vector3& gravity_R);
+void LoadExpandedForces(const StepContext& ctx, const Vector3& gravity_R);
 /// matrix.A += b D + b² K at the pose at hand.
-void AddExpandedOperator(const MechanismStep& here, double b);
+void AddExpandedOperator(const StepContext& ctx, double b);
 
 }  // namespace fork1s

@@ -30,8 +30,8 @@ constexpr double kBeyond = 3;  // times kFar
 constexpr double kInertiaChanged = 0.3;
 
 // Largest |rows δ| by joint, in kFar.
-double FarthestTurn(const MechanismView& here, const RowMatrixX& rows, const VectorX& delta) {
-  const Mechanism& m = here.model.mechanism();
+double FarthestTurn(const ConstStepContext& ctx, const RowMatrixX& rows, const VectorX& delta) {
+  const Mechanism& m = ctx.model.mechanism();
   double turn = 0, slide = 0;
   for (int i = 0; i < m.num_coordinates(); ++i) {
     double& of_kind = m.Turns(i) ? turn : slide;
@@ -41,8 +41,8 @@ double FarthestTurn(const MechanismView& here, const RowMatrixX& rows, const Vec
 }
 
 // Of L⁻¹ (G + Gᵀ) L⁻ᵀ, M* = L Lᵀ: its Frobenius norm, which bounds what any motion sees. In kInertiaChanged.
-double InertiaChange(const MechanismStep& here) {
-  MechanismWorkspace& ws = here.work;
+double InertiaChange(const StepContext& ctx) {
+  MechanismWorkspace& ws = ctx.work;
   MatrixX& change = ws.expansion.pose.scratch;
   change.noalias() = ws.expansion.of->M_inverse * ws.expansion.pose.G;
   change.noalias() += ws.expansion.of->M_inverse * ws.expansion.pose.G.transpose();
@@ -50,8 +50,8 @@ double InertiaChange(const MechanismStep& here) {
 }
 
 // The same of what the last step, or the last part of one, has changed, as much as that is in h.
-double InertiaChangeWithin(const MechanismStep& here, double h) {
-  MechanismWorkspace& ws = here.work;
+double InertiaChangeWithin(const StepContext& ctx, double h) {
+  MechanismWorkspace& ws = ctx.work;
   if (!ws.mass.factor.Compute(ws.mass.M)) return std::numeric_limits<double>::infinity();
   MatrixX& change = ws.expansion.pose.scratch;
   for (Eigen::Index k = 0; k < change.cols(); ++k) {
@@ -65,59 +65,59 @@ double InertiaChangeWithin(const MechanismStep& here, double h) {
 
 // Another evaluator of the same pose, which keeps the momentum of the coordinates.
 template <class Change>
-void ChangeEvaluator(const MechanismStep& here, const Change& change) {
-  const auto& [model, state, ws] = here;
+void ChangeEvaluator(const StepContext& ctx, const Change& change) {
+  const auto& [model, state, ws] = ctx;
   ws.scratch.rhs.noalias() = ws.mass.M * ws.x;
   change();
-  UpdateConfiguration(here);
+  UpdateConfiguration(ctx);
   SolveOrFail(ws.mass.factor, ws.mass.M, ws.scratch.rhs);
   ws.x = ws.scratch.rhs;
   state.reduced.w = ws.x;
 }
 
 // Where the next exact pose starts from: a function of the state.
-void ResetConfiguration(const MechanismStep& here) {
-  here.work.expansion.in_use = false;
-  here.work.configuration.mu = here.state.mu;
-  here.work.configuration.foresees = false;
+void ResetConfiguration(const StepContext& ctx) {
+  ctx.work.expansion.in_use = false;
+  ctx.work.configuration.mu = ctx.state.mu;
+  ctx.work.configuration.has_tangent_predictor = false;
 }
 
 // `farthest`: share of kFar by which joints may have turned.
-bool IsFar(const MechanismStep& here, double farthest) {
-  const MechanismWorkspace& ws = here.work;
-  return FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) > farthest ||
-         InertiaChange(here) > 1;
+bool IsFar(const StepContext& ctx, double farthest) {
+  const MechanismWorkspace& ws = ctx.work;
+  return FarthestTurn(ctx, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) > farthest ||
+         InertiaChange(ctx) > 1;
 }
 
-void DropExpansion(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  ChangeEvaluator(here, [&] { ResetConfiguration(here); });
+void DropExpansion(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  ChangeEvaluator(ctx, [&] { ResetConfiguration(ctx); });
   state.expanded_at.resize(0);
   state.mu = ws.configuration.mu;
 }
 
 }  // namespace
 
-void DropExpansionIfFar(const MechanismStep& here) {
-  if (here.work.expansion.in_use && IsFar(here, 1)) DropExpansion(here);
+void DropExpansionIfFar(const StepContext& ctx) {
+  if (ctx.work.expansion.in_use && IsFar(ctx, 1)) DropExpansion(ctx);
 }
 
-void UseExactPose(const MechanismStep& here) {
-  if (!here.work.expansion.in_use) return;
-  ResetConfiguration(here);
-  UpdateConfiguration(here);
+void UseExactPose(const StepContext& ctx) {
+  if (!ctx.work.expansion.in_use) return;
+  ResetConfiguration(ctx);
+  UpdateConfiguration(ctx);
 }
 
-void StartExpansions(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void StartExpansions(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   if (!model.expands) return;
-  Expand(here);
+  Expand(ctx);
   ws.expansion.in_use = true;
-  UpdateConfiguration(here);
+  UpdateConfiguration(ctx);
 }
 
-void RestoreExpansion(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void RestoreExpansion(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   ws.expansion.in_use = state.expanded_at.size() > 0;
   if (!ws.expansion.in_use || (ws.expansion.of && ws.expansion.of->of == model.reduced &&
                                ws.expansion.of->expansion.z == state.expanded_at))
@@ -127,47 +127,47 @@ void RestoreExpansion(const MechanismStep& here) {
   Configuration c(*model.reduced);
   c.mu = state.mu;
   ConfigureClosed(*model.reduced, at, c);
-  ExpandAt(here, c);
+  ExpandAt(ctx, c);
 }
 
-void ChooseEvaluator(const MechanismStep& here) {
-  if (HasForcesFromOutside(here.state)) UseExactPose(here);
+void ChooseEvaluator(const StepContext& ctx) {
+  if (HasForcesFromOutside(ctx.state)) UseExactPose(ctx);
 }
 
-void EndWithExpansion(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void EndWithExpansion(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   if (ws.expansion.in_use || state.expanded_at.size() == 0) return;
   ws.expansion.in_use = true;
-  UpdatePose(here);
-  if (IsWithinExpansion(here)) return;
-  Expand(here);
-  UpdatePose(here);
+  UpdatePose(ctx);
+  if (IsWithinExpansion(ctx)) return;
+  Expand(ctx);
+  UpdatePose(ctx);
 }
 
-bool IsWithinExpansion(const MechanismView& here) {
-  const MechanismWorkspace& ws = here.work;
+bool IsWithinExpansion(const ConstStepContext& ctx) {
+  const MechanismWorkspace& ws = ctx.work;
   return !ws.expansion.in_use ||
-         FarthestTurn(here, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) < kBeyond;
+         FarthestTurn(ctx, ws.expansion.of->expansion.Q, ws.expansion.pose.delta) < kBeyond;
 }
 
-bool UpdateExpansion(const MechanismStep& here, double h) {
-  const auto& [model, state, ws] = here;
+bool UpdateExpansion(const StepContext& ctx, double h) {
+  const auto& [model, state, ws] = ctx;
   if (!model.expands) return false;
   ws.velocities.w = h * state.reduced.w;
-  const double turn = FarthestTurn(here, ws.Q_now(), ws.velocities.w);
+  const double turn = FarthestTurn(ctx, ws.Q_now(), ws.velocities.w);
   bool expands = false;
   if (ws.expansion.in_use) {
-    expands = IsFar(here, std::clamp(kStepsBetween * turn, kNear, 1.0));
-    if (kStepsThatPay * turn > 1 || (expands && kLeastSteps * InertiaChangeWithin(here, h) > 1)) {
-      DropExpansion(here);
+    expands = IsFar(ctx, std::clamp(kStepsBetween * turn, kNear, 1.0));
+    if (kStepsThatPay * turn > 1 || (expands && kLeastSteps * InertiaChangeWithin(ctx, h) > 1)) {
+      DropExpansion(ctx);
       return false;
     }
   } else {
-    expands = 2 * kStepsThatPay * turn < 1 && 2 * kLeastSteps * InertiaChangeWithin(here, h) < 1;
+    expands = 2 * kStepsThatPay * turn < 1 && 2 * kLeastSteps * InertiaChangeWithin(ctx, h) < 1;
   }
   if (expands)
-    ChangeEvaluator(here, [&] {
-      Expand(here);
+    ChangeEvaluator(ctx, [&] {
+      Expand(ctx);
       ws.expansion.in_use = true;
     });
   return expands;

@@ -39,10 +39,10 @@ Vector6 BaseTwist(const BasePath& path, double share, const RigidTransform& X) {
 Vector3 CenterOf(const Matrix6& M_00) { return Vector3(M_00(2, 4), M_00(0, 5), M_00(1, 3)) / M_00(5, 5); }
 
 // Of weight and of forces from outside, but for contact, world axes [N].
-Vector3 AppliedForce(const MechanismStep& here) {
-  Vector3 force_W = here.model.mechanism().weighed_mass() * here.work.forces.gravity_W;
-  if (here.state.has_loads)
-    for (const AppliedForces& load : here.state.loads) force_W += load.force_W;
+Vector3 AppliedForce(const StepContext& ctx) {
+  Vector3 force_W = ctx.model.mechanism().weighed_mass() * ctx.work.forces.gravity_W;
+  if (ctx.state.has_loads)
+    for (const AppliedForces& load : ctx.state.loads) force_W += load.force_W;
   return force_W;
 }
 
@@ -51,20 +51,20 @@ Vector3 AppliedForce(const MechanismStep& here) {
 // Predicts the linear momentum of a floating mechanism at the end of the stage, world axes [N s]: its centre
 // of mass moves by it, and the velocity of the base in x has it at the pose at hand. Were the centre beside
 // the parabola, the weight would turn the whole.
-void PredictLinearMomentum(const MechanismStep& here, double time, const Vector3& linear_W) {
-  const auto& [model, state, ws] = here;
+void PredictLinearMomentum(const StepContext& ctx, double time, const Vector3& linear_W) {
+  const auto& [model, state, ws] = ctx;
   if (model.base_size == 0) return;
   ws.floating.stage_linear_W = linear_W;
-  ComputeFlatMomenta(here, time, ws.stage.end);
+  ComputeFlatMomenta(ctx, time, ws.stage.end);
   ws.x.segment<3>(3) += state.reduced.X_WR.rotation().transpose() *
-                        (linear_W - LinearMomentum(here, ws.stage.end)) / ws.mass.M_00(5, 5);
+                        (linear_W - LinearMomentum(ctx, ws.stage.end)) / ws.mass.M_00(5, 5);
 }
 
 namespace {
 
 // Pose and twist of a driven base in the stage that ends at `time`.
-void MoveDrivenBase(const MechanismStep& here, double time) {
-  const auto& [model, state, ws] = here;
+void MoveDrivenBase(const StepContext& ctx, double time) {
+  const auto& [model, state, ws] = ctx;
   const BasePath& path = ws.driven.path;
   const double share = time / path.h;
   if (share < 1) {
@@ -80,35 +80,35 @@ void MoveDrivenBase(const MechanismStep& here, double time) {
 }  // namespace
 
 // Momenta and forces of the stage at the pose that the velocity x has led to.
-void EvaluateStage(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
+void EvaluateStage(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
   ws.stage.v_k = ws.x;
   ws.stage.length = b;
-  ComputeMomentumResidual(here, ws.stage.time, ws.stage.base, ws.x, b);
+  ComputeMomentumResidual(ctx, ws.stage.time, ws.stage.base, ws.x, b);
   const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W;
   if (ws.expansion.in_use) {
-    LoadExpandedForces(here, gravity_R);
+    LoadExpandedForces(ctx, gravity_R);
   } else {
     if (model.reduced->has_complement) ws.missing.inertial_force = ws.momentum_change.joint / b;
-    LoadForces(here, gravity_R);
+    ComputeJointForces(ctx, gravity_R);
     if (model.size() > 0) ReduceForce(*model.reduced, ws.Q_now(), ws.forces.g, ws.forces.f_z);
   }
-  if (state.point_spring.IsActive()) EvaluatePointSpring(here);
-  if (HasSwitches(here)) OpenSwitches(here);
+  if (state.point_spring.IsActive()) EvaluatePointSpring(ctx);
+  if (HasComplementarity(ctx)) InitializeActiveSet(ctx);
 }
 
-void BeginStep(const MechanismStep& here, double h, double b, bool by_chord, const Vector3& gravity_W) {
-  const auto& [model, state, ws] = here;
+void BeginStep(const StepContext& ctx, double h, double b, bool by_chord, const Vector3& gravity_W) {
+  const auto& [model, state, ws] = ctx;
   const int r = model.size();
   ws.forces.gravity_W = gravity_W;
-  ChooseEvaluator(here);
+  ChooseEvaluator(ctx);
   ws.start.by_expansion = ws.expansion.in_use;
   if (model.expands) ws.start.M = ws.mass.M;
   ws.start.h = h;
   ws.start.X_WR = state.reduced.X_WR;
   ws.start.V_R = state.reduced.V_R;
   if (ws.expansion.in_use) {
-    ComputeExpandedJointRates(here, state.reduced.w, ws.start.q_dot);
+    ComputeExpandedJointRates(ctx, state.reduced.w, ws.start.q_dot);
   } else {
     ws.start.q_dot.setZero();
     AddMotion(*model.reduced, ws.Q_now(), state.reduced.w, ws.start.q_dot);
@@ -138,13 +138,13 @@ void BeginStep(const MechanismStep& here, double h, double b, bool by_chord, con
   start.z = state.reduced.z;
   start.R_WR = state.reduced.X_WR.rotation();
   start.center_W = ws.floating.center_W;
-  ComputeFlatMomenta(here, 0, start);
+  ComputeFlatMomenta(ctx, 0, start);
   ws.stage.base = start;
   ws.start.x = ws.x;
   ws.x += b * state.acceleration;
   if (model.base_size > 0)
-    PredictLinearMomentum(here, 0,
-                          ws.floating.linear_W + b * (AppliedForce(here) +
+    PredictLinearMomentum(ctx, 0,
+                          ws.floating.linear_W + b * (AppliedForce(ctx) +
                                                       ws.mass.M_00(5, 5) * state.acceleration.segment<3>(3)));
   ws.matrix.b = 0;
   ws.matrix.of_parts = GeometricStiffness::kNone;
@@ -153,14 +153,14 @@ void BeginStep(const MechanismStep& here, double h, double b, bool by_chord, con
 namespace {
 
 // Pose of x̂ ⊕ b v: with Q and Jacobians, or that of bodies alone.
-void MovePose(const MechanismStep& here, double b, double time, bool with_derivatives) {
-  const auto& [model, state, ws] = here;
+void MovePose(const StepContext& ctx, double b, double time, bool with_derivatives) {
+  const auto& [model, state, ws] = ctx;
   state.reduced.z = ws.stage.base.z;
   if (model.size() > 0) state.reduced.z += b * ws.x.tail(model.size());
   if (model.base_size > 0)
     ws.floating.stage_center_W = ws.stage.base.center_W + b / ws.mass.M_00(5, 5) * ws.floating.stage_linear_W;
   ws.stage.time = time;
-  if (model.mechanism().base() == BaseKind::kDriven) MoveDrivenBase(here, time);
+  if (model.mechanism().base() == BaseKind::kDriven) MoveDrivenBase(ctx, time);
   if (model.base_size > 0) {
     Matrix3& R_WR = state.reduced.X_WR.rotation();
     const Vector3 velocity_W = R_WR * ws.x.segment<3>(3);
@@ -170,9 +170,9 @@ void MovePose(const MechanismStep& here, double b, double time, bool with_deriva
     ws.x.segment<3>(3) = R_WR.transpose() * velocity_W;
   }
   if (with_derivatives) {
-    UpdatePose(here);
+    UpdatePose(ctx);
   } else if (ws.expansion.in_use) {
-    MoveExpanded(here);
+    MoveExpanded(ctx);
   } else {
     ConfigurePose(*model.reduced, state.reduced, ws.configuration);
   }
@@ -183,9 +183,9 @@ void MovePose(const MechanismStep& here, double b, double time, bool with_deriva
 }
 
 // Of the velocity found at the pose at hand: by these the stage ends.
-void RecordStageMomenta(const MechanismStep& here, double b, double time) {
-  const auto& [model, state, ws] = here;
-  ComputeFlatMomenta(here, time, ws.stage.end);
+void RecordStageMomenta(const StepContext& ctx, double b, double time) {
+  const auto& [model, state, ws] = ctx;
+  ComputeFlatMomenta(ctx, time, ws.stage.end);
   if (model.base_size == 0) return;
   Vector6 impulse = b * ws.forces.base + ws.stage.impulse.head<6>();
   if (HasForcesFromOutside(state)) {
@@ -198,45 +198,45 @@ void RecordStageMomenta(const MechanismStep& here, double b, double time) {
                  (ws.point_spring.J.leftCols<6>().transpose() * (ws.point_spring.J * ws.scratch.rhs));
   }
   ws.stage.end.momentum_defect =
-      Total(ws.stage.base) + FlattenWrench(here, time, impulse) - ws.stage.end.momentum.rowwise().sum();
-  ws.floating.stage_linear_W = LinearMomentum(here, ws.stage.end);
+      Total(ws.stage.base) + FlattenWrench(ctx, time, impulse) - ws.stage.end.momentum.rowwise().sum();
+  ws.floating.stage_linear_W = LinearMomentum(ctx, ws.stage.end);
 }
 
 }  // namespace
 
-void MoveToStagePose(const MechanismStep& here, double b, double time) {
-  MovePose(here, b, time, true);
-  EvaluateStage(here, b);
+void MoveToStagePose(const StepContext& ctx, double b, double time) {
+  MovePose(ctx, b, time, true);
+  EvaluateStage(ctx, b);
 }
 
-void AcceptStage(const MechanismStep& here, double b, double time, bool with_derivatives) {
-  RecordStageMomenta(here, b, time);
-  MovePose(here, b, time, with_derivatives);
+void AcceptStage(const StepContext& ctx, double b, double time, bool with_derivatives) {
+  RecordStageMomenta(ctx, b, time);
+  MovePose(ctx, b, time, with_derivatives);
 }
 
 namespace {
 
 // Residual of (1) without contact at the pose at hand.
-void ComputeStageResidual(const MechanismStep& here, double b, VectorX& residual) {
-  const auto& [model, state, ws] = here;
-  if (HasSwitches(here)) AddSwitchedForces(here);
+void ComputeStageResidual(const StepContext& ctx, double b, VectorX& residual) {
+  const auto& [model, state, ws] = ctx;
+  if (HasComplementarity(ctx)) AddActiveSetForces(ctx);
   residual = ws.momentum_change.all;
   if (model.base_size > 0) residual.head<6>() += b * ws.forces.base;
   if (model.size() > 0) residual.tail(model.size()) += b * ws.forces.f_z;
-  if (HasSwitches(here)) AddBackSaturatedDampers(here, b, residual);
+  if (HasComplementarity(ctx)) AddBackSaturatedDampers(ctx, b, residual);
 }
 
 }  // namespace
 
-void SolveFreeStage(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
+void SolveFreeStage(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
   if (model.num_velocities() == 0) {
-    if (HasSwitches(here)) AddSwitchedForces(here);
+    if (HasComplementarity(ctx)) AddActiveSetForces(ctx);
     return;
   }
   ws.stage.impulse.setZero(model.num_velocities());
-  ComputeStageResidual(here, b, ws.x);
-  UpdateStageMatrix(here, b);
+  ComputeStageResidual(ctx, b, ws.x);
+  UpdateStageMatrix(ctx, b);
   if (ws.matrix.is_definite)
     ws.matrix.factor.SolveInPlace(ws.x);
   else
@@ -247,44 +247,44 @@ void SolveFreeStage(const MechanismStep& here, double b) {
 namespace {
 
 // Displacement [m] by a velocity x [num_velocities] within b, in the kinetic metric.
-double Displacement(const MechanismStep& here, double b, const VectorX& x) {
-  MechanismWorkspace& ws = here.work;
+double Displacement(const StepContext& ctx, double b, const VectorX& x) {
+  MechanismWorkspace& ws = ctx.work;
   ws.scratch.solved.noalias() = ws.mass.M * x;
-  return b * RootOf(x.dot(ws.scratch.solved) / std::max(here.model.mechanism().total_mass(), 1e-300));
+  return b * RootOf(x.dot(ws.scratch.solved) / std::max(ctx.model.mechanism().total_mass(), 1e-300));
 }
 
 }  // namespace
 
-StageChange ComputeStageChange(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
+StageChange ComputeStageChange(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
   StageChange out;
   if (model.num_velocities() == 0) return out;
   ws.scratch.rhs = ws.x - ws.stage.v_k;
-  out.change = Displacement(here, b, ws.scratch.rhs);
+  out.change = Displacement(ctx, b, ws.scratch.rhs);
   ws.scratch.rhs = ws.x - ws.start.x;
-  out.velocity_change = Displacement(here, b, ws.scratch.rhs);
+  out.velocity_change = Displacement(ctx, b, ws.scratch.rhs);
   // Beside the drift of the base: what moves along with something is solved as well as what rests.
-  out.motion = Displacement(here, b, ws.x);
+  out.motion = Displacement(ctx, b, ws.x);
   if (model.base_size > 0)
     out.motion = RootOf(out.motion * out.motion - b * b * ws.scratch.solved.segment<3>(3).squaredNorm() /
                                                       (ws.mass.M_00(5, 5) * model.mechanism().total_mass()));
   return out;
 }
 
-double MoveAndComputeResidual(const MechanismStep& here, double b, double time) {
-  const auto& [model, state, ws] = here;
-  RecordStageMomenta(here, b, time);
-  MoveToStagePose(here, b, time);
+double MoveAndComputeResidual(const StepContext& ctx, double b, double time) {
+  const auto& [model, state, ws] = ctx;
+  RecordStageMomenta(ctx, b, time);
+  MoveToStagePose(ctx, b, time);
   if (model.num_velocities() == 0) return 0;
-  ComputeStageResidual(here, b, ws.stage.residual);
+  ComputeStageResidual(ctx, b, ws.stage.residual);
   ws.stage.residual += ws.stage.impulse;
   ws.scratch.rhs = ws.stage.residual;
   ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
   return b * RootOf(ws.stage.residual.dot(ws.scratch.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
 }
 
-void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
-  const auto& [model, state, ws] = here;
+void ExtrapolateStage(const StepContext& ctx, double b, double onward) {
+  const auto& [model, state, ws] = ctx;
   const StageBase& start = ws.start.base;
   StageBase& base = ws.stage.base;
   base.z = start.z + onward * (state.reduced.z - start.z);
@@ -299,30 +299,30 @@ void ExtrapolateStage(const MechanismStep& here, double b, double onward) {
   }
   // The second stage is linearized first by the velocity on the line through the start and the first stage.
   ws.stage.x_first = ws.x;
-  ws.floating.linear_first_W = LinearMomentum(here, ws.stage.end);
+  ws.floating.linear_first_W = LinearMomentum(ctx, ws.stage.end);
   ws.x = ws.start.x + (1 + onward) * (ws.stage.x_first - ws.start.x);
   PredictLinearMomentum(
-      here, ws.stage.time,
+      ctx, ws.stage.time,
       ws.floating.linear_W + (1 + onward) * (ws.floating.linear_first_W - ws.floating.linear_W));
 }
 
-void EndStep(const MechanismStep& here, double between_stages) {
-  const auto& [model, state, ws] = here;
+void EndStep(const StepContext& ctx, double between_stages) {
+  const auto& [model, state, ws] = ctx;
   state.acceleration.setZero();
   if (between_stages > 0) {
     state.acceleration = (ws.x - ws.stage.x_first) / between_stages;
     if (model.base_size > 0)
       state.acceleration.segment<3>(3) =
-          ((LinearMomentum(here, ws.stage.end) - ws.floating.linear_first_W) / between_stages -
-           AppliedForce(here)) /
+          ((LinearMomentum(ctx, ws.stage.end) - ws.floating.linear_first_W) / between_stages -
+           AppliedForce(ctx)) /
           ws.mass.M_00(5, 5);
   }
-  EndWithExpansion(here);
-  UpdateMassMatrix(here);
+  EndWithExpansion(ctx);
+  UpdateMassMatrix(ctx);
   if (model.base_size > 0) {
     // The momentum of the whole is exact; seen from the pose found, it gives the velocity.
     ws.x.setZero();
-    ComputeMomentumResidual(here, ws.stage.time, ws.stage.end, ws.x, 0);
+    ComputeMomentumResidual(ctx, ws.stage.time, ws.stage.end, ws.x, 0);
     ws.x = ws.momentum_change.all;
     SolveOrFail(ws.mass.factor, ws.mass.M, ws.x);
     state.reduced.V_R = ws.x.head<6>();
@@ -332,8 +332,8 @@ void EndStep(const MechanismStep& here, double between_stages) {
   if (state.expanded_at.size() == 0) state.mu = ws.configuration.mu;
   const bool has_columns = HasForcesFromOutside(state);
   ws.missing.wrenches_R.setZero(6, has_columns ? model.mechanism().num_bodies() : 0);
-  if (has_columns) AddAppliedWrenches(here, ws.missing.wrenches_R);
-  ForgetInputs(here);
+  if (has_columns) AddAppliedWrenches(ctx, ws.missing.wrenches_R);
+  ClearOneShotInputs(ctx);
 }
 
 void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
@@ -343,8 +343,8 @@ void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x) {
     x.setConstant(std::numeric_limits<double>::quiet_NaN());
 }
 
-void ApplyImpulse(const MechanismStep& here, const VectorX& p) {
-  const auto& [model, state, ws] = here;
+void ApplyImpulse(const StepContext& ctx, const VectorX& p) {
+  const auto& [model, state, ws] = ctx;
   if (p.isZero(0)) return;
   ws.scratch.rhs = p;
   ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
@@ -353,8 +353,8 @@ void ApplyImpulse(const MechanismStep& here, const VectorX& p) {
 }
 
 // What was meant for one step alone.
-void ForgetInputs(const MechanismStep& here) {
-  MechanismState& state = here.state;
+void ClearOneShotInputs(const StepContext& ctx) {
+  MechanismState& state = ctx.state;
   state.controls_from = state.controls;
   state.controls_move = state.knows_driven_rate = false;
   ClearLoads(state);

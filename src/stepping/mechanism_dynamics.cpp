@@ -58,24 +58,24 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
 
   StartAtReference(*model, start);
   MechanismDynamics dynamics(model, std::move(start), std::make_unique<MechanismWorkspace>(*model));
-  const MechanismStep here = dynamics;
-  Size(here);
+  const StepContext ctx = dynamics;
+  Size(ctx);
   if (q_dot0.size() > 0 && !q_dot0.isZero(0)) {
     VectorX Mq;
     Kinematics kinematics(*mechanism);
     ComputeKinematics(*mechanism, q, kinematics);
     ApplyMass(*mechanism, kinematics, q_dot0, Mq);
-    here.state.reduced.w = SolveSymmetric(model->reduced->M, model->reduced->Q.transpose() * Mq);
-    here.work.x.tail(r) = here.state.reduced.w;
+    ctx.state.reduced.w = SolveSymmetric(model->reduced->M, model->reduced->Q.transpose() * Mq);
+    ctx.work.x.tail(r) = ctx.state.reduced.w;
   }
-  UpdateConfiguration(here);
-  here.state.mu = here.work.configuration.mu;
-  StartExpansions(here);
+  UpdateConfiguration(ctx);
+  ctx.state.mu = ctx.work.configuration.mu;
+  StartExpansions(ctx);
   return dynamics;
 }
 
-MechanismDynamics::operator MechanismStep() { return {*model_, state_, *work_}; }
-MechanismDynamics::operator MechanismView() const { return {*model_, state_, *work_}; }
+MechanismDynamics::operator StepContext() { return {*model_, state_, *work_}; }
+MechanismDynamics::operator ConstStepContext() const { return {*model_, state_, *work_}; }
 
 const Configuration& MechanismDynamics::configuration() const { return ConfigurationOf(*this); }
 const std::vector<ContactGroup>& MechanismDynamics::groups() const { return model_->groups; }

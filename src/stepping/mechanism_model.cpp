@@ -56,7 +56,7 @@ void ComputeReferenceTerms(MechanismModel& model) {
                                  .maxCoeff();
   FindDampers(model);
   model.whole = FindWhole(reduced);
-  FindParts(model);
+  FindDecoupledBlocks(model);
   ComputeSpringsAtReference(model);
 }
 

@@ -8,7 +8,7 @@
 namespace fork1s {
 
 // Parts are runs of velocities: what a finger on a held palm moves by stands together.
-void FindParts(MechanismModel& model) {
+void FindDecoupledBlocks(MechanismModel& model) {
   const int r = model.size(), nx = model.num_velocities();
   const ReducedJacobian jacobian(*model.reduced);  // which columns move a joint
   std::vector<int> reach(static_cast<std::size_t>(std::max(nx, 1)));
@@ -81,8 +81,8 @@ void FindParts(MechanismModel& model) {
     model.part_of_bounded_force.push_back(run.size == 0 ? -1 : part_of_run(run));
 }
 
-void DivideIntoParts(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void DivideIntoParts(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   std::vector<DiagonalBlock> blocks;
   for (const VelocityRange& part : model.parts) blocks.push_back({part.begin, part.size});
   ws.mass.factor = Cholesky();
@@ -90,8 +90,8 @@ void DivideIntoParts(const MechanismStep& here) {
   ws.matrix.factor.Divide(std::move(blocks), true);
 }
 
-void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
-  const auto& [model, state, ws] = here;
+void GroupJacobian(const ConstStepContext& ctx, int g, Eigen::Ref<MatrixX> J_T) {
+  const auto& [model, state, ws] = ctx;
   const int index = model.PartOfGroup(g);
   if (index < 0) return;
   const ContactGroup& group = model.groups[static_cast<std::size_t>(g)];
@@ -112,9 +112,9 @@ void GroupJacobian(const MechanismView& here, int g, Eigen::Ref<MatrixX> J_T) {
 
 namespace {
 
-Vector6 TwistOfGroup(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T,
+Vector6 TwistOfGroup(const ConstStepContext& ctx, int g, const Eigen::Ref<const MatrixX>& J_T,
                      const VectorX& velocity) {
-  const auto& [model, state, ws] = here;
+  const auto& [model, state, ws] = ctx;
   const int index = model.PartOfGroup(g);
   Vector6 V = Vector6::Zero();
   if (index >= 0) {
@@ -137,18 +137,18 @@ Vector6 TwistOfGroup(const MechanismView& here, int g, const Eigen::Ref<const Ma
 
 }  // namespace
 
-Vector6 GroupTwist(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
-  return TwistOfGroup(here, g, J_T, here.work.x);
+Vector6 GroupTwist(const ConstStepContext& ctx, int g, const Eigen::Ref<const MatrixX>& J_T) {
+  return TwistOfGroup(ctx, g, J_T, ctx.work.x);
 }
 
-Vector6 GroupTwistAtStart(const MechanismView& here, int g, const Eigen::Ref<const MatrixX>& J_T) {
-  return TwistOfGroup(here, g, J_T, here.work.stage_start.x);
+Vector6 GroupTwistAtStart(const ConstStepContext& ctx, int g, const Eigen::Ref<const MatrixX>& J_T) {
+  return TwistOfGroup(ctx, g, J_T, ctx.work.stage_start.x);
 }
 
 // From the last row to the first, as the factor goes: a foot then moves its own leg and the base, and no
 // other leg.
-void HalfSolve(const MechanismView& here, const VelocityRange& part, Eigen::Ref<MatrixX> Jt) {
-  const auto& [model, state, ws] = here;
+void HalfSolve(const ConstStepContext& ctx, const VelocityRange& part, Eigen::Ref<MatrixX> Jt) {
+  const auto& [model, state, ws] = ctx;
   const MatrixX& L = ws.matrix.factor.L();
   for (Eigen::Index c = 0; c < Jt.cols(); ++c) std::reverse(Jt.col(c).data(), Jt.col(c).data() + part.size);
   SolveLower(&L(part.begin, part.begin), part.size, static_cast<int>(L.rows()), Jt.data(),

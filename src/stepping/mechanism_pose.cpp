@@ -18,12 +18,12 @@ ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& st
 }
 
 // The workspace, that of another model so far.
-void Renew(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void Renew(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   ws.configuration = Configuration(*model.reduced);
   ws.jacobian = ReducedJacobian(*model.reduced);
   ws.mass.inertia = ReducedInertia(*model.reduced);
-  Size(here);
+  Size(ctx);
 }
 
 void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws,
@@ -31,22 +31,22 @@ void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   const bool same_model = saved.model == state.model;
   state = saved;
   if (!same_model) model = std::make_shared<const MechanismModel>(*model, state.model);
-  const MechanismStep here{*model, state, ws};
-  if (!same_model) Renew(here);
+  const StepContext ctx{*model, state, ws};
+  if (!same_model) Renew(ctx);
   ws.x.tail(model->size()) = state.reduced.w;
   if (model->base_size > 0) ws.x.head<6>() = state.reduced.V_R;
   ws.configuration.mu = state.mu;
-  RestoreExpansion(here);
+  RestoreExpansion(ctx);
   // What the last step left for a new reference is of another state.
   ws.missing.reactions.setZero();
   ws.missing.wrenches_R.setZero();
   ws.missing.control_change.setZero();
-  UpdateConfiguration(here, true);
+  UpdateConfiguration(ctx, true);
 }
 
 // Scratch of the sizes of the model.
-void Size(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void Size(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism& m = model.mechanism();
   const int r = model.size(), n = model.reduced->num_coordinates(), nx = model.num_velocities();
   ws.matrix.A.resize(nx, nx);
@@ -84,25 +84,25 @@ void Size(const MechanismStep& here) {
   ws.mass.M_00 = model.reduced->M_00;
   ws.mass.M_0z = model.reduced->M_0z;
   ws.velocities.q_dot.setZero(n);
-  SizeForceLimits(here);
-  DivideIntoParts(here);
+  SizeForceLimits(ctx);
+  DivideIntoParts(ctx);
   ws.stage.v_k.setZero(nx);
   if (ws.start.q_dot.size() != n) ws.start.q_dot.setZero(n);  // a new reference keeps it for ClosureForces
   ws.velocities.joint.setZero(n);
-  for (VectorX* v : {&ws.velocities.w, &ws.switched.way, &ws.momentum_change.reduced,
+  for (VectorX* v : {&ws.velocities.w, &ws.active_set.way, &ws.momentum_change.reduced,
                      &ws.driven.velocity_jump, &ws.scratch.jump.force, &ws.scratch.jump.damper_force})
     v->setZero(r);
   for (VectorX* v : {&ws.momentum_change.joint, &ws.scratch.jump.tau, &ws.missing.load, &ws.missing.inertia})
     v->setZero(n);
   ws.momentum_change.parts.resize(6, model.rigid_parts.size());
   ws.momentum_change.part_impulses.setZero(3, model.rigid_parts.size());
-  FindSlackSprings(here);
+  FindSlackSprings(ctx);
 }
 
 // M of the present pose, by its Jacobians: O(joints x coordinates that reach them).
-void UpdateMassMatrix(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  if (ws.expansion.in_use) return ComputeExpandedMass(here);
+void UpdateMassMatrix(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  if (ws.expansion.in_use) return ComputeExpandedMass(ctx);
   const int r = model.size();
   ws.mass.inertia.Compute(*model.reduced, model.rigid_parts, ws.configuration, ws.jacobian,
                           ws.mass.M.bottomRightCorner(r, r), ws.mass.M_0z, ws.mass.M_00);
@@ -113,9 +113,9 @@ void UpdateMassMatrix(const MechanismStep& here) {
   }
 }
 
-void UpdatePose(const MechanismStep& here, bool loops_are_closed) {
-  const auto& [model, state, ws] = here;
-  if (ws.expansion.in_use) return MoveExpanded(here);
+void UpdatePose(const StepContext& ctx, bool loops_are_closed) {
+  const auto& [model, state, ws] = ctx;
+  if (ws.expansion.in_use) return MoveExpanded(ctx);
   if (loops_are_closed)
     ConfigureClosed(*model.reduced, state.reduced, ws.configuration);
   else
@@ -123,13 +123,13 @@ void UpdatePose(const MechanismStep& here, bool loops_are_closed) {
   ws.jacobian.Compute(*model.reduced, ws.configuration);
 }
 
-void UpdateConfiguration(const MechanismStep& here, bool loops_are_closed) {
-  UpdatePose(here, loops_are_closed);
-  UpdateMassMatrix(here);
+void UpdateConfiguration(const StepContext& ctx, bool loops_are_closed) {
+  UpdatePose(ctx, loops_are_closed);
+  UpdateMassMatrix(ctx);
 }
 
-void SetInputsWithin(const MechanismStep& here, const MechanismState& start, double share) {
-  MechanismState& state = here.state;
+void SetInputsWithin(const StepContext& ctx, const MechanismState& start, double share) {
+  MechanismState& state = ctx.state;
   state.loads = start.loads;
   state.has_loads = start.has_loads;
   state.point_spring = start.point_spring.Within(0, share);
@@ -150,16 +150,16 @@ BasePath PathOfBase(const MechanismState& state, double h) {
                          state.base_history, h);
 }
 
-void StoreBaseHistory(const MechanismStep& here, const MechanismState& start, double h) {
-  if (here.model.mechanism().base() != BaseKind::kDriven) return;
-  here.state.base_history = PathOfBase(start, h).History(start.base_history);
+void StoreBaseHistory(const StepContext& ctx, const MechanismState& start, double h) {
+  if (ctx.model.mechanism().base() != BaseKind::kDriven) return;
+  ctx.state.base_history = PathOfBase(start, h).History(start.base_history);
 }
 
-void SetInputsOfPart(const MechanismStep& here, const MechanismState& start, double h, double share_start,
+void SetInputsOfPart(const StepContext& ctx, const MechanismState& start, double h, double share_start,
                      double share_end) {
-  MechanismState& state = here.state;
-  SetInputsWithin(here, start, share_end);
-  if (here.model.mechanism().base() == BaseKind::kDriven) {
+  MechanismState& state = ctx.state;
+  SetInputsWithin(ctx, start, share_end);
+  if (ctx.model.mechanism().base() == BaseKind::kDriven) {
     const BasePath path = PathOfBase(start, h);
     state.driven_next = path.PoseAt(share_end);
     state.driven_rate = path.RateAt(share_end);
@@ -176,18 +176,18 @@ void SetInputsOfPart(const MechanismStep& here, const MechanismState& start, dou
     state.controls_from = start.controls;
 }
 
-RigidTransform GroupPose(const MechanismView& here, int g) {
-  const auto& [model, state, ws] = here;
+RigidTransform GroupPose(const ConstStepContext& ctx, int g) {
+  const auto& [model, state, ws] = ctx;
   if (ws.expansion.in_use) return state.reduced.X_WR * ws.expansion.pose.X_RG[static_cast<std::size_t>(g)];
-  return BodyPose(here, model.groups[static_cast<std::size_t>(g)].body);
+  return BodyPose(ctx, model.groups[static_cast<std::size_t>(g)].body);
 }
 
-RigidTransform BodyPose(const MechanismView& here, BodyIndex b) {
-  return here.state.reduced.X_WR * ConfigurationOf(here).kinematics.X_RB[b.u()];
+RigidTransform BodyPose(const ConstStepContext& ctx, BodyIndex b) {
+  return ctx.state.reduced.X_WR * ConfigurationOf(ctx).kinematics.X_RB[b.u()];
 }
 
-void BodyPoses(const MechanismView& here, std::vector<RigidTransform>& X_RB) {
-  X_RB = ConfigurationOf(here).kinematics.X_RB;
+void BodyPoses(const ConstStepContext& ctx, std::vector<RigidTransform>& X_RB) {
+  X_RB = ConfigurationOf(ctx).kinematics.X_RB;
 }
 
 namespace {
@@ -202,58 +202,58 @@ Vector6 InWorldAt(const RigidTransform& X_WR, const Vector6& V_R, const RigidTra
 
 }  // namespace
 
-Vector6 BodyVelocity(const MechanismView& here, BodyIndex b) {
-  const auto& [model, state, ws] = here;
+Vector6 BodyVelocity(const ConstStepContext& ctx, BodyIndex b) {
+  const auto& [model, state, ws] = ctx;
   Vector6 V = state.reduced.V_R;
   if (const int j = model.mechanism().body(b).last_joint; ws.expansion.in_use) {
-    const Configuration& c = ConfigurationOf(here);
+    const Configuration& c = ConfigurationOf(ctx);
     V += BodyJacobian(model.mechanism(), c.kinematics, b) * (c.Q_now * state.reduced.w);
   } else if (j >= 0) {
     const auto T = ws.jacobian.T(j);
     for (int k = 0; k < T.cols(); ++k) V += state.reduced.w(ws.jacobian.begin(j) + k) * T.col(k);
   }
-  return InWorldAt(state.reduced.X_WR, V, BodyPose(here, b));
+  return InWorldAt(state.reduced.X_WR, V, BodyPose(ctx, b));
 }
 
-Vector6 GroupVelocity(const MechanismView& here, int g) {
-  const auto& [model, state, ws] = here;
+Vector6 GroupVelocity(const ConstStepContext& ctx, int g) {
+  const auto& [model, state, ws] = ctx;
   const auto at = static_cast<std::size_t>(g);
-  if (!ws.expansion.in_use) return BodyVelocity(here, model.groups[at].body);
-  return InWorldAt(state.reduced.X_WR, ws.expansion.pose.J[at] * state.reduced.w, GroupPose(here, g));
+  if (!ws.expansion.in_use) return BodyVelocity(ctx, model.groups[at].body);
+  return InWorldAt(state.reduced.X_WR, ws.expansion.pose.J[at] * state.reduced.w, GroupPose(ctx, g));
 }
 
-const Configuration& ConfigurationOf(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
+const Configuration& ConfigurationOf(const ConstStepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   if (ws.expansion.in_use)
     ws.has_exact_pose.MakeOnce([&, &m = model, &s = state, &w = ws] {
       w.configuration.mu = s.mu;
-      w.configuration.foresees = false;
+      w.configuration.has_tangent_predictor = false;
       Configure(*m.reduced, s.reduced, w.configuration);
     });
   return ws.configuration;
 }
 
-bool IsFinite(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
+bool IsFinite(const ConstStepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   // 0 times what is not finite is no number.
   const auto finite = [](const VectorX& x) { return (0 * x).sum() == 0; };
   return finite(ws.x) && finite(state.reduced.z) && finite(ws.q()) && state.reduced.X_WR.IsFinite();
 }
 
-bool PosesAreFinite(const MechanismView& here) {
+bool PosesAreFinite(const ConstStepContext& ctx) {
   const auto& X =
-      here.work.expansion.in_use ? here.work.expansion.pose.X_RG : here.work.configuration.kinematics.X_RB;
+      ctx.work.expansion.in_use ? ctx.work.expansion.pose.X_RG : ctx.work.configuration.kinematics.X_RB;
   return std::all_of(X.begin(), X.end(), [](const RigidTransform& of) { return of.IsFinite(); });
 }
 
-double LoopResidualNow(const MechanismView& here) {
-  return here.work.expansion.in_use ? 0 : here.work.configuration.loop_residual;
+double LoopResidualNow(const ConstStepContext& ctx) {
+  return ctx.work.expansion.in_use ? 0 : ctx.work.configuration.loop_residual;
 }
 
-double ClosureGapNow(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
+double ClosureGapNow(const ConstStepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   if (model.mechanism().num_constraints() == 0) return 0;
-  const Configuration& c = ConfigurationOf(here);
+  const Configuration& c = ConfigurationOf(ctx);
   return ClosureGap(model.mechanism(), c.kinematics, c.q);
 }
 

@@ -14,7 +14,8 @@ namespace {
 // q, which steps close to far below what is seen, closed to rounding, and its kinematics: by chords with the
 // factor of this very pose, each of which squares what is open. False where that does not end, as where loops
 // repeat each other but for the digits of a file.
-bool CloseByChords(const ReducedModel& model, const Configuration& at, VectorX& q, Kinematics& kinematics) {
+bool CloseBySimplifiedNewton(const ReducedModel& model, const Configuration& at, VectorX& q,
+                             Kinematics& kinematics) {
   const Mechanism& m = *model.mechanism;
   const bool all_rows = model.loop_rank() == m.num_constraints();
   VectorX c, d(model.loop_rank()), before;
@@ -57,8 +58,8 @@ LinearizationDrift DriftOf(const Mechanism& m, DriftCause cause, int i, double m
 }  // namespace
 
 // Poses drawn by twists age with every joint: the one twist of a wheel is that of all joints on its path.
-LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
+LinearizationDrift ComputeLinearizationDrift(const ConstStepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const bool by_twists = model.options.recovery == Recovery::kTwist;
   LinearizationDrift largest;
   for (int i = 0; i < model.reduced->num_coordinates(); ++i) {
@@ -73,7 +74,7 @@ LinearizationDrift ComputeLinearizationDrift(const MechanismView& here) {
     if (drift.share > largest.share) largest = drift;
   }
   if (model.reduced->curvature.exists()) {
-    const double gap = ClosureGapNow(here), share = gap / model.options.refresh_gap;
+    const double gap = ClosureGapNow(ctx), share = gap / model.options.refresh_gap;
     if (share > largest.share) largest = {DriftCause::kLoopGap, share, gap, false, -1};
   }
   return largest;
@@ -87,30 +88,30 @@ constexpr double kMinSteps = 3;       // between two references: one costs about
 }  // namespace
 
 // A servo at its bound takes back what its spring has beyond it.
-void RecordLoads(const MechanismStep& here, const MechanismState& start,
+void RecordLoads(const StepContext& ctx, const MechanismState& start,
                  const std::vector<double>& limit_impulses, const std::vector<double>& friction_impulses) {
-  const auto& [model, state, ws] = here;
+  const auto& [model, state, ws] = ctx;
   const Mechanism& m = model.mechanism();
   ws.missing.control_change = state.controls - start.controls_from;
   for (Eigen::Index k = 0; k < state.activation.size(); ++k)
     if (HasDynamics(state, k)) ws.missing.control_change(k) = state.activation(k) - start.activation(k);
   ws.missing.reactions.setZero(m.num_coordinates());
-  AddStopForces(here, ws.stage.length, limit_impulses, friction_impulses, ws.missing.reactions);
+  AddStopForces(ctx, ws.stage.length, limit_impulses, friction_impulses, ws.missing.reactions);
   for (std::size_t k = 0; k < m.force_limits().size(); ++k) {
     const Mechanism::ForceLimit& limit = m.force_limits()[k];
     if (state.at_bound[k] == 0) continue;
     const double bound = state.at_bound[k] > 0 ? limit.upper : limit.lower;
-    AddLengthForce(here, limit.length, bound - UnboundedForce(here, limit), ws.missing.reactions);
+    AddLengthForce(ctx, limit.length, bound - UnboundedForce(ctx, limit), ws.missing.reactions);
   }
 }
 
 namespace {
 
 // Joint forces of the exact pose, and those of inertia, that a step by an expansion did not need.
-void EvaluateExactForces(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  const Configuration& c = ConfigurationOf(here);
-  LoadForces(here, state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W);
+void EvaluateExactForces(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  const Configuration& c = ConfigurationOf(ctx);
+  ComputeJointForces(ctx, state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W);
   ws.missing.displacement = c.Q_now * state.acceleration;
   ApplyMass(model.mechanism(), c.kinematics, ws.missing.displacement, ws.missing.inertial_force);
   ws.missing.inertial_force *= -1;
@@ -124,20 +125,20 @@ void EvaluateExactForces(const MechanismStep& here) {
 //     u = d (1 - |ṗᵀd| / gᵀd),
 // and within T by u ω² T²/2 at most, ω its frequency. Where the inertia along d exceeds the load, truncated
 // modes move, and a column of the load does not follow them.
-LinearizationDrift FindMissingLoad(const MechanismStep& here, double h, const Matrix6X& contact_impulses_R) {
-  const auto& [model, state, ws] = here;
+LinearizationDrift FindMissingLoad(const StepContext& ctx, double h, const Matrix6X& contact_impulses_R) {
+  const auto& [model, state, ws] = ctx;
   if (!model.reduced->has_complement) return {};
   const Mechanism& m = model.mechanism();
-  const Kinematics& kinematics = ConfigurationOf(here).kinematics;
+  const Kinematics& kinematics = ConfigurationOf(ctx).kinematics;
   state.reference_age += h;
-  if (ws.start.by_expansion) EvaluateExactForces(here);
+  if (ws.start.by_expansion) EvaluateExactForces(ctx);
   ws.forces.F = contact_impulses_R / ws.stage.length;
-  AddAppliedWrenches(here, ws.forces.F);  // a point spring; loads of the step are in g
+  AddAppliedWrenches(ctx, ws.forces.F);  // a point spring; loads of the step are in g
   ws.missing.load = ws.forces.g;
   if (ws.missing.reactions.size() > 0) ws.missing.load += ws.missing.reactions;
   AccumulateGeneralizedForce(m, kinematics.S, ws.forces.F, ws.missing.load);
-  ProjectOnLoops(*model.reduced, ws.configuration, ws.missing.load);
-  ProjectOnLoops(*model.reduced, ws.configuration, ws.missing.inertial_force);
+  RemoveConstraintReactions(*model.reduced, ws.configuration, ws.missing.load);
+  RemoveConstraintReactions(*model.reduced, ws.configuration, ws.missing.inertial_force);
   ApplyComplement(*model.reduced, ws.missing.load, ws.missing.displacement);
   const double work = ws.missing.load.dot(ws.missing.displacement);
   const double stays =
@@ -168,7 +169,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   Kinematics kinematics(m);
   if (m.num_constraints() == 0) {
     ComputeKinematics(m, q, kinematics);
-  } else if (!CloseByChords(*model->reduced, ws.configuration, q, kinematics)) {
+  } else if (!CloseBySimplifiedNewton(*model->reduced, ws.configuration, q, kinematics)) {
     q = ws.configuration.q;
     CloseLoops(m, q);
     ComputeKinematics(m, q, kinematics);
@@ -206,7 +207,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   ApplyMass(m, kinematics, q_dot, Mq);
   state.model = std::make_shared<const ReducedModel>(std::move(*reduced));
   model = std::make_shared<const MechanismModel>(*model, state.model);
-  const MechanismStep here{*model, state, ws};
+  const StepContext ctx{*model, state, ws};
   const int r = model->size();
   VectorX p = VectorX::Zero(model->base_size + r);
   p.tail(r) = model->reduced->Q.transpose() * Mq;
@@ -221,7 +222,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   state.expanded_at.resize(0);
   const bool expands = ws.expansion.in_use;
   ws.expansion.in_use = false;
-  Renew(here);
+  Renew(ctx);
   VectorX x = SolveSymmetric(ws.mass.M, p);
   if (!x.allFinite()) {
     Restore(model, state, ws, before);
@@ -230,9 +231,9 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   ws.x = x;
   state.reduced.w = x.tail(r);
   if (model->base_size > 0) state.reduced.V_R = x.head<6>();
-  UpdateConfiguration(here);
+  UpdateConfiguration(ctx);
   state.mu = ws.configuration.mu;
-  if (expands) StartExpansions(here);
+  if (expands) StartExpansions(ctx);
   return true;
 }
 

@@ -13,7 +13,7 @@
 #include "linalg/cholesky.hpp"
 #include "reduction/reduced_jacobian.hpp"
 #include "stepping/mechanism_model.hpp"
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 
 namespace fork1s {
 
@@ -130,7 +130,7 @@ struct ForcesAtPose {
 };
 
 /// Forces with bounds and springs with slack (force_limits.cpp, slack.cpp).
-struct SwitchedForces {
+struct ActiveSetForces {
   std::vector<SlackSpring> slack;  // those of springs() that have slack
   VectorX servo_force;             // per force limit: f₀, at the start of the stage
   VectorX f_z_without;             // r: f_z without bounds
@@ -253,7 +253,7 @@ struct MechanismWorkspace {
   StageStart stage_start;
   StageData stage;
   StageMatrix matrix;
-  SwitchedForces switched;
+  ActiveSetForces active_set;
   LoadStiffness loads;
   MissingLoad missing;
 

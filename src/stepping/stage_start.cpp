@@ -4,8 +4,8 @@
 
 namespace fork1s {
 
-void RecordStageStart(const MechanismStep& here, bool of_step) {
-  const auto& [model, state, ws] = here;
+void RecordStageStart(const StepContext& ctx, bool of_step) {
+  const auto& [model, state, ws] = ctx;
   ws.stage_start.x = of_step ? ws.start.x : ws.x;
   ws.stage_start.z = state.reduced.z;
   ws.stage_start.X_WR = state.reduced.X_WR;
@@ -15,8 +15,8 @@ void RecordStageStart(const MechanismStep& here, bool of_step) {
         state.reduced.X_WR * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);
 }
 
-void MoveToStageStart(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
+void MoveToStageStart(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
   const StageBase& base = ws.stage.base;
   if (model.mechanism().base() == BaseKind::kDriven) {
     // Of rows at this pose the base moves on by its displacement within the stage, not by its rate at the
@@ -34,21 +34,20 @@ void MoveToStageStart(const MechanismStep& here, double b) {
   state.reduced.z = ws.stage_start.z;
   state.reduced.X_WR = ws.stage_start.X_WR;
   if (model.size() > 0) ws.x.tail(model.size()) = (ws.stage_start.z - base.z) / b;
-  UpdatePose(here);
+  UpdatePose(ctx);
   if (model.base_size == 0) return;
   const Matrix3& R_WR = state.reduced.X_WR.rotation();
   ws.x.head<3>() = LogRotation(base.R_WR.transpose() * R_WR) / b;
-  PredictLinearMomentum(here, ws.stage.time,
+  PredictLinearMomentum(ctx, ws.stage.time,
                         ws.mass.M_00(5, 5) / b * (ws.stage_start.center_W - base.center_W));
 }
 
-void RestoreStageBaseTwist(const MechanismStep& here) {
-  if (here.model.mechanism().base() == BaseKind::kDriven)
-    here.state.reduced.V_R = here.work.stage_start.V_R_end;
+void RestoreStageBaseTwist(const StepContext& ctx) {
+  if (ctx.model.mechanism().base() == BaseKind::kDriven) ctx.state.reduced.V_R = ctx.work.stage_start.V_R_end;
 }
 
-double LengthRateAtStageStart(const MechanismView& here, const Mechanism::Length& length) {
-  return LengthRateBy(here, length, here.work.stage_start.x);
+double LengthRateAtStageStart(const ConstStepContext& ctx, const Mechanism::Length& length) {
+  return LengthRateBy(ctx, length, ctx.work.stage_start.x);
 }
 
 }  // namespace fork1s

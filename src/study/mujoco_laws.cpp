@@ -40,7 +40,7 @@ struct Softness {
   double impedance_low = 1;            // the least d of solimp
   double sink = 0;                     // m: where `load`, an acceleration against it, comes to rest
 
-  void Take(const mjtNum* solref, const mjtNum* solimp, double timestep, bool safe, double load = 0) {
+  void Include(const mjtNum* solref, const mjtNum* solimp, double timestep, bool safe, double load = 0) {
     impedance_low = std::min(impedance_low, solimp[0]);
     if (solref[0] <= 0) {
       direct = true;
@@ -77,7 +77,8 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
     if (m->geom_contype[g] == 0 && m->geom_conaffinity[g] == 0) continue;
     ++colliding;
     frictional += m->geom_condim[g] > 1 && m->geom_friction[3 * g] > 0;
-    contact.Take(m->geom_solref + mjNREF * g, m->geom_solimp + mjNIMP * g, m->opt.timestep, Safe(m), gravity);
+    contact.Include(m->geom_solref + mjNREF * g, m->geom_solimp + mjNIMP * g, m->opt.timestep, Safe(m),
+                    gravity);
   }
   if (colliding > 1 && !(constraints && (m->opt.disableflags & mjDSBL_CONTACT) == 0)) {
     laws.push_back("the file switches contact off in MuJoCo; here bodies touch");
@@ -104,7 +105,7 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
   for (int e = 0; e < m->neq && constraints && (m->opt.disableflags & mjDSBL_EQUALITY) == 0; ++e) {
     if (m->eq_type[e] != mjEQ_CONNECT && m->eq_type[e] != mjEQ_WELD && m->eq_type[e] != mjEQ_JOINT) continue;
     ++count;
-    loops.Take(m->eq_solref + mjNREF * e, m->eq_solimp + mjNIMP * e, m->opt.timestep, Safe(m));
+    loops.Include(m->eq_solref + mjNREF * e, m->eq_solimp + mjNIMP * e, m->opt.timestep, Safe(m));
   }
   if (count > 0)
     laws.push_back("loops and couplings of MuJoCo are springs, those here stay closed: " + loops.Text());
@@ -114,7 +115,7 @@ std::vector<std::string> MuJoCoLaws(const mjModel* m) {
     Softness limits;
     for (int j = 0; j < m->njnt; ++j)
       if (m->jnt_limited[j])
-        limits.Take(m->jnt_solref + mjNREF * j, m->jnt_solimp + mjNIMP * j, m->opt.timestep, Safe(m));
+        limits.Include(m->jnt_solref + mjNREF * j, m->jnt_solimp + mjNIMP * j, m->opt.timestep, Safe(m));
     laws.push_back("stops of joints give way in MuJoCo and are hard here: " + limits.Text());
   }
   return laws;

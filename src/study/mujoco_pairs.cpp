@@ -47,10 +47,10 @@ PairDifference::PairDifference(const mjModel* m, const Simulation& reduced) : m_
   }
 
   std::set<Pair> ours, theirs;
-  const auto& contactors = reduced.world().contactors();
-  const auto name_of = [&](int contactor) {
-    const Contactor& c = contactors[static_cast<std::size_t>(contactor)];
-    return c.kind == Contactor::Kind::kWorld ? std::string("world") : c.name;
+  const auto& collision_bodies = reduced.world().collision_bodies();
+  const auto name_of = [&](int collision_body) {
+    const CollisionBody& c = collision_bodies[static_cast<std::size_t>(collision_body)];
+    return c.kind == CollisionBody::Kind::kWorld ? std::string("world") : c.name;
   };
   for (const auto& [a, b] : reduced.world().PairsThatMayTouch())
     ours.insert(std::minmax(name_of(a), name_of(b)));

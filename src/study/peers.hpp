@@ -61,7 +61,7 @@ struct PeerRow {
   double step_us = 0;                                               // median over all steps of all rounds
   double p99_us = 0, worst_us = 0;  // over steps, of each step's median over the rounds: what interrupts one
                                     // round does not count, what a step always costs does
-  int refreshes = 0;                // fork1s: steps in which a mechanism was reduced anew, and their median
+  int refreshes = 0;                // fork1s: steps in which a mechanism was reduced again, and their median
   double refresh_step_us = 0;
   double step_ratio = 0;  // over fork1s at dt
   bool has_loops = false;

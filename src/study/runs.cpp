@@ -123,10 +123,10 @@ Expected<Run> RunReduced(const Scene& scene, const std::vector<TrackedBody>& tra
       run.unconverged += report.IsSolved() ? 0 : 1;
       for (const ContactRecord& c : s.world().contacts()) {
         const Vector3 force = c.point.frame.transpose() * c.impulse / options.interval;
-        AddForce(tracked, s.BodyOfContactor(c.point.body_a), -force, sample);
-        AddForce(tracked, s.BodyOfContactor(c.point.body_b), force, sample);
+        AddForce(tracked, s.BodyOfCollisionBody(c.point.body_a), -force, sample);
+        AddForce(tracked, s.BodyOfCollisionBody(c.point.body_b), force, sample);
       }
-      for (const HoldForce& f : s.HoldForces()) {
+      for (const FrozenContactForce& f : s.FrozenContactForces()) {
         const Vector3 force = f.force_W * (s.dt() / options.interval);
         AddForce(tracked, f.body, -force, sample);
         AddForce(tracked, f.held, force, sample);

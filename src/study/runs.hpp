@@ -37,7 +37,7 @@ struct Run {
   std::vector<std::string> warnings;
   std::vector<double> step_s = {};        // wall time of every step
   std::vector<StepPartTimes> parts = {};  // of every step of the reduced run, where they were watched
-  std::vector<char> refreshed = {};       // of the reduced run: steps in which a mechanism was reduced anew
+  std::vector<char> refreshed = {};       // of the reduced run: steps in which a mechanism was reduced again
   int coordinates = 0;                    // velocities that the last step solved for
   int halved = 0;                         // steps of the full run by two stages that were taken in parts
   // MuJoCo only: bodies that touch in one of the two simulators alone.

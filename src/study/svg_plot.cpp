@@ -22,7 +22,7 @@ struct Axis {
     low = std::min(low, Scale(v));
     high = std::max(high, Scale(v));
   }
-  void Settle() {
+  void RoundLimits() {
     if (log) {
       low = std::floor(low);
       high = std::max(std::ceil(high), low + 1);
@@ -111,8 +111,8 @@ std::string DrawPlot(const Plot& plot) {
     return svg +
            "<text x=\"330\" y=\"150\" text-anchor=\"middle\">nothing to show: all values are "
            "0</text></svg></figure>\n";
-  x.Settle();
-  y.Settle();
+  x.RoundLimits();
+  y.RoundLimits();
   auto at_x = [&](double share) { return kLeft + share * (kRight - kLeft); };
   auto at_y = [&](double share) { return kBottom - share * (kBottom - kTop); };
   for (const auto& [share, label] : x.Ticks())

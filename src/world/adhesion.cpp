@@ -12,15 +12,16 @@ constexpr double kGapRounding = 1e-9;
 // The collision body that has the shapes of a body of mechanism `i`, and which of its shapes these are.
 bool FindShapes(const MechanismDynamics& m, std::size_t i, BodyIndex body, const Detection& detection,
                 Adhesion& adhesion) {
-  // Contactor 0 is the still world.
-  for (std::size_t c = 1; c < detection.contactors.size(); ++c) {
-    const Contactor& contactor = detection.contactors[c];
-    if (contactor.kind == Contactor::Kind::kFreeBody || contactor.index != static_cast<int>(i)) continue;
+  // CollisionBody 0 is the still world.
+  for (std::size_t c = 1; c < detection.collision_bodies.size(); ++c) {
+    const CollisionBody& collision_body = detection.collision_bodies[c];
+    if (collision_body.kind == CollisionBody::Kind::kFreeBody || collision_body.index != static_cast<int>(i))
+      continue;
     adhesion.is_of_body.clear();
-    for (const BodyIndex b : m.groups()[static_cast<std::size_t>(contactor.group)].bodies)
+    for (const BodyIndex b : m.groups()[static_cast<std::size_t>(collision_body.group)].bodies)
       for (const GeometryDef& g : m.mechanism().definition().bodies[b.u()].geometries)
         if (g.Collides()) adhesion.is_of_body.push_back(b == body);
-    adhesion.contactor = static_cast<int>(c);
+    adhesion.collision_body = static_cast<int>(c);
     if (std::count(adhesion.is_of_body.begin(), adhesion.is_of_body.end(), 1) > 0) return true;
   }
   return false;
@@ -28,7 +29,7 @@ bool FindShapes(const MechanismDynamics& m, std::size_t i, BodyIndex body, const
 
 bool IsOf(const Adhesion& adhesion, const ContactPoint& p) {
   const auto is_of = [&](int body, int geometry) {
-    return body == adhesion.contactor && adhesion.is_of_body[static_cast<std::size_t>(geometry)] != 0;
+    return body == adhesion.collision_body && adhesion.is_of_body[static_cast<std::size_t>(geometry)] != 0;
   };
   return is_of(p.body_a, p.geometry_a) || is_of(p.body_b, p.geometry_b);
 }

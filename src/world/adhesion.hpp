@@ -19,11 +19,11 @@ struct Adhesion {
   std::size_t mechanism = 0;  // of its control
   Eigen::Index control = 0;
   double gain = 0, lower = 0, upper = 0;  // N per unit of the control; N
-  int contactor = 0;
-  std::vector<char> is_of_body;  // per shape of the contactor
+  int collision_body = 0;
+  std::vector<char> is_of_body;  // per shape of the collision body
 };
 
-/// Those of all mechanisms, once the contactors are known; detection.adhesion_reach becomes their largest gap. Errors:
+/// Those of all mechanisms, once the collision bodies are known; detection.adhesion_reach becomes their largest gap. Errors:
 /// kModel where nothing can touch the body of one.
 Expected<std::vector<Adhesion>> FindAdhesions(const Bodies& bodies,
                                               const std::vector<ContactPairDef>& contact_pairs,

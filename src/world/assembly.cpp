@@ -20,10 +20,10 @@ void AssembleContact(std::size_t i, const StageAtHand& stage, const StepOptions&
   c.friction = p.friction;
   c.torsion = p.torsion;
   c.rolling = p.rolling;
-  const Contactor& a = detection.contactors[static_cast<std::size_t>(p.body_a)];
-  const Contactor& b = detection.contactors[static_cast<std::size_t>(p.body_b)];
-  if (a.kind != Contactor::Kind::kWorld) c.port_a = rows.port_offset[static_cast<std::size_t>(p.body_a)];
-  if (b.kind != Contactor::Kind::kWorld) c.port_b = rows.port_offset[static_cast<std::size_t>(p.body_b)];
+  const CollisionBody& a = detection.collision_bodies[static_cast<std::size_t>(p.body_a)];
+  const CollisionBody& b = detection.collision_bodies[static_cast<std::size_t>(p.body_b)];
+  if (a.kind != CollisionBody::Kind::kWorld) c.port_a = rows.port_offset[static_cast<std::size_t>(p.body_a)];
+  if (b.kind != CollisionBody::Kind::kWorld) c.port_b = rows.port_offset[static_cast<std::size_t>(p.body_b)];
   if (c.port_a >= 0) c.J_a = -PortRows(detection, rows, p.body_a, p.point, p.frame);
   if (c.port_b >= 0) c.J_b = PortRows(detection, rows, p.body_b, p.point, p.frame);
   const Vector3 speed = RelativeSpeed(c, rows.velocities);
@@ -39,16 +39,16 @@ void AssembleContact(std::size_t i, const StageAtHand& stage, const StepOptions&
     approaches.rebound[i] = std::max(0.0, -RelativeSpeed(c, rows.start_velocities)(0));
   // A body on the floor would fall upon all that is near, were nothing there to hold it: it goes on as it
   // did. What is open at the pose at hand most likely stays so.
-  c.waits = p.gap + h * speed(0) > 0;
+  c.may_be_deferred = p.gap + h * speed(0) > 0;
   if (!history.Before(i)) return;
   const ContactRecord& before = *history.Before(i);
-  c.waits = c.waits && before.impulse.isZero(0);
+  c.may_be_deferred = c.may_be_deferred && before.impulse.isZero(0);
   // Surfaces bear a force; impulses are those of a step, the mean of both stages.
   const Matrix3 turned = p.frame * before.point.frame.transpose();
   const Vector6& onward = history.to_base_point[static_cast<std::size_t>(history.match[i])];
-  c.held = c.impulse = h * (turned * (before.end_force + onward.tail<3>()));
-  c.held_use = before.use;
-  c.held_moment = c.moment = h * (turned * (before.end_moment + onward.head<3>()));
+  c.previous_impulse = c.impulse = h * (turned * (before.end_force + onward.tail<3>()));
+  c.previous_utilization = before.utilization;
+  c.previous_moment = c.moment = h * (turned * (before.end_moment + onward.head<3>()));
 }
 
 void FillStops(std::size_t i, const MechanismDynamics& m, const StageAtHand& stage,
@@ -87,7 +87,7 @@ void FillStops(std::size_t i, const MechanismDynamics& m, const StageAtHand& sta
       friction.row = part.offset + static_cast<int>(part.FrictionRow(k));
       friction.upper = h * m.mechanism().frictions()[at].force;
       friction.lower = -friction.upper;
-      friction.held = stops.friction_held[at];
+      friction.previous_impulse = stops.friction_held[at];
       friction.impulse = stops.friction_impulses[at];
     }
   }

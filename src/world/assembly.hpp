@@ -30,7 +30,7 @@ void RecordStops(Bodies& bodies, const StageAtHand& stage, double impact_speed,
                  std::vector<StopHistory>& stops);
 
 /// Forces that change sides within a step (force_limits.cpp, slack.cpp): those that mechanisms now leave to
-/// the solve get their rows, and all of these are assembled anew.
+/// the solve get their rows, and all of these are assembled again.
 void AddBoundedForceRows(Bodies& bodies, double h, ConstraintRows& rows);
 /// Mechanisms take the sides that the solve found.
 void SetSidesFound(double h, Bodies& bodies, const ConstraintRows& rows);

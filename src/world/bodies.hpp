@@ -8,7 +8,7 @@
 
 #include "for_all.hpp"
 #include "stepping/mechanism_model.hpp"
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 
 namespace fork1s {
 
@@ -30,16 +30,17 @@ struct Bodies {
     ForAll(mechanisms.size(), mechanism_grain, act);
   }
 
-  RigidTransform PoseOf(const Contactor& contactor) const {  // but of the world's
-    const auto i = static_cast<std::size_t>(contactor.index);
-    return contactor.kind == Contactor::Kind::kGroup ? GroupPose(mechanisms[i], contactor.group)
-                                                     : free_bodies[i].pose();
+  RigidTransform PoseOf(const CollisionBody& collision_body) const {  // but of the world's
+    const auto i = static_cast<std::size_t>(collision_body.index);
+    return collision_body.kind == CollisionBody::Kind::kGroup ? GroupPose(mechanisms[i], collision_body.group)
+                                                              : free_bodies[i].pose();
   }
-  /// Twist in world axes about the origin of the contactor's frame.
-  Vector6 VelocityOf(const Contactor& contactor) const {
-    const auto i = static_cast<std::size_t>(contactor.index);
-    return contactor.kind == Contactor::Kind::kGroup ? GroupVelocity(mechanisms[i], contactor.group)
-                                                     : free_bodies[i].OriginVelocity();
+  /// Twist in world axes about the origin of the collision body's frame.
+  Vector6 VelocityOf(const CollisionBody& collision_body) const {
+    const auto i = static_cast<std::size_t>(collision_body.index);
+    return collision_body.kind == CollisionBody::Kind::kGroup
+               ? GroupVelocity(mechanisms[i], collision_body.group)
+               : free_bodies[i].OriginVelocity();
   }
 };
 

@@ -58,7 +58,9 @@ std::vector<FreeBody>& World::free_bodies() { return detail_->bodies_.free_bodie
 const std::vector<FreeBody>& World::free_bodies() const { return detail_->bodies_.free_bodies; }
 const std::vector<ContactRecord>& World::contacts() const { return detail_->contacts_; }
 const std::vector<ContactPoint>& World::start_points() const { return detail_->start_points_; }
-const std::vector<Contactor>& World::contactors() const { return detail_->detection_.contactors; }
+const std::vector<CollisionBody>& World::collision_bodies() const {
+  return detail_->detection_.collision_bodies;
+}
 const std::vector<SwitchedClosureRecord>& World::switched_closures() const {
   return detail_->closure_records_;
 }
@@ -66,12 +68,12 @@ std::vector<std::pair<int, int>> World::PairsThatMayTouch() const {
   if (!detail_->detection_.world) return {};
   return detail_->detection_.world->PairsThatMayTouch();
 }
-const RigidTransform& World::PoseAtDetection(int contactor) const {
-  return detail_->detection_.poses[static_cast<std::size_t>(contactor)];
+const RigidTransform& World::PoseAtDetection(int collision_body) const {
+  return detail_->detection_.poses[static_cast<std::size_t>(collision_body)];
 }
-const GeometryDef& World::geometry(int contactor, int geometry) const {
+const GeometryDef& World::geometry(int collision_body, int geometry) const {
   return detail_->detection_.shapes
-      .geometries[static_cast<std::size_t>(contactor)][static_cast<std::size_t>(geometry)];
+      .geometries[static_cast<std::size_t>(collision_body)][static_cast<std::size_t>(geometry)];
 }
 const std::vector<std::string>& World::warnings() const { return detail_->warnings_; }
 
@@ -98,8 +100,8 @@ std::string World::NameOf(const StepSubject& subject) const {
       return of_mechanism("joint",
                           detail_->bodies_.mechanisms[index].mechanism().CoordinateName(subject.part));
     case StepSubject::Kind::kContact:
-      return "contact of '" + detail_->detection_.contactors[index].name + "' and '" +
-             detail_->detection_.contactors[part].name + "'";
+      return "contact of '" + detail_->detection_.collision_bodies[index].name + "' and '" +
+             detail_->detection_.collision_bodies[part].name + "'";
   }
   return {};
 }
@@ -187,7 +189,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
     const int rows = 6 * static_cast<int>(m.groups().size()) + 2 * limited + frictions + bounded;
     detail.stops_.emplace_back().Resize(static_cast<std::size_t>(2 * limited),
                                         static_cast<std::size_t>(frictions));
-    detail.switches_.any = detail.switches_.any || HasSwitches(m);
+    detail.switches_.any = detail.switches_.any || HasComplementarity(m);
     velocities += rows;
     most_rows = std::max(most_rows, rows);
     limits += 2 * limited + frictions + bounded;
@@ -220,14 +222,14 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
     for (const SwitchedClosureDef& closure : m.switched_closures)
       closed.insert({closure.body_a, closure.body_b});
   closed.erase("world");
-  std::map<std::string, BodyOnContactor> places = {{"world", {0, RigidTransform()}}};
-  auto add = [&](CollisionBodyDef body, Contactor contactor, bool is_closed = false) {
+  std::map<std::string, BodyOnCollisionBody> places = {{"world", {0, RigidTransform()}}};
+  auto add = [&](CollisionBodyDef body, CollisionBody collision_body, bool is_closed = false) {
     const bool touches = is_closed || std::any_of(body.geometries.begin(), body.geometries.end(),
                                                   [](const GeometryDef& g) { return g.Collides(); });
-    if (!touches && contactor.kind != Contactor::Kind::kWorld) return -1;
-    contactor.name = body.name;
+    if (!touches && collision_body.kind != CollisionBody::Kind::kWorld) return -1;
+    collision_body.name = body.name;
     bodies.push_back(std::move(body));
-    detection_.contactors.push_back(std::move(contactor));
+    detection_.collision_bodies.push_back(std::move(collision_body));
     return static_cast<int>(bodies.size()) - 1;
   };
   add({"world", scene.world, false, RigidTransform()}, {});
@@ -244,22 +246,22 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
       body.geometries = GroupGeometry(m.mechanism(), group);
       body.moves = group.last_joint >= 0 || m.mechanism().base() != BaseKind::kFixed;
       body.X_WB = GroupPose(m, static_cast<int>(g));
-      Contactor contactor;
+      CollisionBody collision_body;
       // A fixed base is still world with a name of its own.
-      contactor.kind = body.moves ? Contactor::Kind::kGroup : Contactor::Kind::kWorld;
-      contactor.index = static_cast<int>(i);
-      contactor.group = static_cast<int>(g);
+      collision_body.kind = body.moves ? CollisionBody::Kind::kGroup : CollisionBody::Kind::kWorld;
+      collision_body.index = static_cast<int>(i);
+      collision_body.group = static_cast<int>(g);
       const bool is_closed = std::any_of(group.bodies.begin(), group.bodies.end(), [&](BodyIndex b) {
         return closed.count(m.mechanism().body(b).name) > 0;
       });
       if (body.geometries.empty() && !is_closed) continue;
       const RigidTransform X_GR = m.mechanism().body(group.body).X_RB0.inverse(),
                            X_CG = body.moves ? RigidTransform() : body.X_WB;
-      const int at = of_joint[group.last_joint] = add(std::move(body), contactor, is_closed);
+      const int at = of_joint[group.last_joint] = add(std::move(body), collision_body, is_closed);
       for (BodyIndex b : group.bodies) {
         index_of[m.mechanism().body(b).name] = at;
         places.emplace(m.mechanism().body(b).name,
-                       BodyOnContactor{at, X_CG * (X_GR * m.mechanism().body(b).X_RB0)});
+                       BodyOnCollisionBody{at, X_CG * (X_GR * m.mechanism().body(b).X_RB0)});
       }
     }
     for (const auto& [a, b] : m.mechanism().FilteredContacts())
@@ -268,15 +270,15 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
         excluded.emplace_back(in_a->second, in_b->second);
   }
   for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i) {
-    Contactor contactor;
-    contactor.kind = Contactor::Kind::kFreeBody;
-    contactor.index = static_cast<int>(i);
+    CollisionBody collision_body;
+    collision_body.kind = CollisionBody::Kind::kFreeBody;
+    collision_body.index = static_cast<int>(i);
     const int at =
         add({scene.free_bodies[i].name, scene.free_bodies[i].geometries, true, bodies_.free_bodies[i].pose()},
-            contactor, closed.count(scene.free_bodies[i].name) > 0);
+            collision_body, closed.count(scene.free_bodies[i].name) > 0);
     if (at < 0) continue;
     index_of[scene.free_bodies[i].name] = at;
-    places.emplace(scene.free_bodies[i].name, BodyOnContactor{at, RigidTransform()});
+    places.emplace(scene.free_bodies[i].name, BodyOnCollisionBody{at, RigidTransform()});
   }
   for (const auto& [a, b] : scene.excluded_pairs)
     if (index_of.count(a) && index_of.count(b) && index_of[a] != index_of[b])
@@ -294,13 +296,13 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
   adhesions_ = std::move(*adhesions);
   auto closures = FindSwitchedClosures(bodies_, [&](const std::string& name) {
     const auto at = places.find(name);
-    return at == places.end() ? BodyOnContactor() : at->second;
+    return at == places.end() ? BodyOnCollisionBody() : at->second;
   });
   if (!closures) return tl::unexpected(closures.error());
   closures_ = std::move(*closures);
   closure_records_.resize(closures_.size());
-  rows_.port_offset.assign(detection_.contactors.size(), -1);
-  rows_.port_part.assign(detection_.contactors.size(), 0);
+  rows_.port_offset.assign(detection_.collision_bodies.size(), -1);
+  rows_.port_part.assign(detection_.collision_bodies.size(), 0);
   return {};
 }
 

@@ -100,9 +100,9 @@ Matrix3 ComputeInverseCurvature(const GeometryDef& a, const RigidTransform& X_WA
 
 Matrix3 ComputeInverseCurvature(const World& world, const ContactPoint& p) {
   const auto pose = [&](int body) {
-    const Contactor& c = world.contactors()[static_cast<std::size_t>(body)];
+    const CollisionBody& c = world.collision_bodies()[static_cast<std::size_t>(body)];
     const auto i = static_cast<std::size_t>(c.index);
-    if (c.kind == Contactor::Kind::kFreeBody) return world.free_bodies()[i].pose();
+    if (c.kind == CollisionBody::Kind::kFreeBody) return world.free_bodies()[i].pose();
     if (body == 0) return RigidTransform();  // the scene's own still geometry comes first
     return GroupPose(world.mechanisms()[i], c.group);
   };

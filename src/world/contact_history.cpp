@@ -14,8 +14,8 @@ void ContactHistory::Reserve(std::size_t count) {
   matcher_.Reserve(count);
 }
 
-void ContactHistory::Take(std::vector<ContactRecord>& records, double h,
-                          const std::vector<RigidTransform>& X) {
+void ContactHistory::Store(std::vector<ContactRecord>& records, double h,
+                           const std::vector<RigidTransform>& X) {
   contacts.swap(records);
   length = h;
   poses = X;

@@ -13,7 +13,7 @@ struct ContactHistory {
   void Reserve(std::size_t contacts);
   /// The contacts before are those of `records`, which gets what were these; impulses are of steps of h [s].
   /// What else is known of them is set apart.
-  void Take(std::vector<ContactRecord>& records, double h, const std::vector<RigidTransform>& poses);
+  void Store(std::vector<ContactRecord>& records, double h, const std::vector<RigidTransform>& poses);
   /// Nothing that a step in progress knows is known of the contacts before.
   void StartStep();
   /// The contacts at hand are matched with those before.
@@ -32,11 +32,11 @@ struct ContactHistory {
   /// m; NaN where a contact carried no load at the start of the step at hand.
   double StartGap(std::size_t contact) const;
   /// What turns an impulse before into one of a step of length h.
-  double StepsRatio(double h) const { return length > 0 ? h / length : 1; }
+  double TimeStepRatio(double h) const { return length > 0 ? h / length : 1; }
 
   std::vector<ContactRecord> contacts;
   double length = 0;                  // s, of the step that gave them their impulses
-  std::vector<RigidTransform> poses;  // per contactor
+  std::vector<RigidTransform> poses;  // per collision body
   std::vector<int> match;             // per contact at hand: that before, or -1
   // Per contact before.
   std::vector<double> start_gap;  // m, at the start of the step, of what carried load there; else NaN

@@ -13,7 +13,7 @@ auto Shapes(const ContactPoint& p) { return std::tuple(p.body_a, p.body_b, p.geo
 
 }  // namespace
 
-ContactMatcher::Bench::Bench() {
+ContactMatcher::Scratch::Scratch() {
   candidates.reserve(16);  // a patch of four beside one of four
   places.reserve(16);
 }
@@ -22,7 +22,7 @@ void ContactMatcher::Reserve(std::size_t contacts) {
   used_.reserve(contacts);
   order_.reserve(contacts);
   patches_.reserve(contacts);
-  benches_.reserve(kMostBenches);
+  scratches_.reserve(kMostBenches);
 }
 
 void ContactMatcher::SortPrevious(const Input& in) {
@@ -44,7 +44,7 @@ void ContactMatcher::FindPatches(const std::vector<ContactPoint>& points) {
       patches_.back().end = i + 1;
 }
 
-void ContactMatcher::Match(const ContactorShapes& shapes, const std::vector<ContactPoint>& points,
+void ContactMatcher::Match(const CollisionBodyShapes& shapes, const std::vector<ContactPoint>& points,
                            const std::vector<RigidTransform>& poses,
                            const std::vector<ContactRecord>& previous,
                            const std::vector<RigidTransform>& previous_poses, std::vector<int>& match) {
@@ -55,14 +55,15 @@ void ContactMatcher::Match(const ContactorShapes& shapes, const std::vector<Cont
   constexpr std::size_t kWorthABench = 64;  // patches, some 5 us
   const std::size_t patches = patches_.size(),
                     benches = std::clamp<std::size_t>(patches / kWorthABench, 1, kMostBenches);
-  while (benches_.size() < benches) benches_.emplace_back();
-  ForAll(benches, 1, [&](std::size_t bench) {
-    for (std::size_t k = bench * patches / benches; k < (bench + 1) * patches / benches; ++k)
-      MatchPatch(in, patches_[k], benches_[bench], match);
+  while (scratches_.size() < benches) scratches_.emplace_back();
+  ForAll(benches, 1, [&](std::size_t scratch) {
+    for (std::size_t k = scratch * patches / benches; k < (scratch + 1) * patches / benches; ++k)
+      MatchPatch(in, patches_[k], scratches_[scratch], match);
   });
 }
 
-void ContactMatcher::MatchPatch(const Input& in, const Patch& patch, Bench& bench, std::vector<int>& match) {
+void ContactMatcher::MatchPatch(const Input& in, const Patch& patch, Scratch& scratch,
+                                std::vector<int>& match) {
   const auto shapes = Shapes(in.points[patch.begin]);
   const auto first = std::lower_bound(order_.begin(), order_.end(), shapes, [&](int k, const auto& wanted) {
     return Shapes(in.Previous(k)) < wanted;
@@ -73,23 +74,24 @@ void ContactMatcher::MatchPatch(const Input& in, const Patch& patch, Bench& benc
     any_bore = any_bore || !in.previous[static_cast<std::size_t>(*last)].impulse.isZero(0);
   if (!any_bore) return;  // what was merely near has nothing to hand on
   const int* order = order_.data();
-  AddCandidates(in, patch, {order + (first - order_.begin()), order + (last - order_.begin())}, bench);
-  std::sort(bench.candidates.begin(), bench.candidates.end());
-  for (const auto& [moved, i, k] : bench.candidates) {
+  AddCandidates(in, patch, {order + (first - order_.begin()), order + (last - order_.begin())}, scratch);
+  std::sort(scratch.candidates.begin(), scratch.candidates.end());
+  for (const auto& [moved, i, k] : scratch.candidates) {
     if (match[static_cast<std::size_t>(i)] >= 0 || used_[static_cast<std::size_t>(k)]) continue;
     match[static_cast<std::size_t>(i)] = k;
     used_[static_cast<std::size_t>(k)] = 1;
   }
 }
 
-void ContactMatcher::AddCandidates(const Input& in, const Patch& patch, const Range& previous, Bench& bench) {
+void ContactMatcher::AddCandidates(const Input& in, const Patch& patch, const Range& previous,
+                                   Scratch& scratch) {
   // Shares of the pair's size: what moved farther over both bodies is another contact; points nearer than
   // that carry what one of them carries.
   constexpr double kFarthestShare = 0.5, kStayShare = 2e-3;
   const double size = in.shapes.PairSize(in.points[patch.begin]);
   const double most = size * size * kFarthestShare * kFarthestShare,  // m²
       stays = size * size * kStayShare * kStayShare;
-  bench.candidates.clear();
+  scratch.candidates.clear();
   const auto add = [&](const auto& distance) {
     double farthest = 0;  // of the points that are nearest to each
     for (std::size_t i = patch.begin; i < patch.end; ++i) {
@@ -99,7 +101,7 @@ void ContactMatcher::AddCandidates(const Input& in, const Patch& patch, const Ra
         if (o.frame.row(0).dot(in.points[i].frame.row(0)) <= 0.8) continue;
         const double moved = distance(i, k, o);
         nearest = std::min(nearest, moved);
-        if (moved < most) bench.candidates.push_back({moved, static_cast<int>(i), *k});
+        if (moved < most) scratch.candidates.push_back({moved, static_cast<int>(i), *k});
       }
       farthest = std::max(farthest, nearest);
     }
@@ -111,24 +113,24 @@ void ContactMatcher::AddCandidates(const Input& in, const Patch& patch, const Ra
   const bool one_each = patch.end == patch.begin + 1 && previous.last == previous.first + 1;
   if (previous.first == previous.last || farthest < (one_each ? most : stays)) return;
 
-  bench.places.clear();
+  scratch.places.clear();
   const auto keep = [&](const ContactPoint& p, const std::vector<RigidTransform>& poses) {
-    const auto on = [&](int contactor) -> Vector3 {
-      const RigidTransform& X = poses[static_cast<std::size_t>(contactor)];
+    const auto on = [&](int collision_body) -> Vector3 {
+      const RigidTransform& X = poses[static_cast<std::size_t>(collision_body)];
       return X.rotation().transpose() * (p.point - X.translation());
     };
-    const auto beside = [&](int contactor) -> Vector3 {
-      return p.point - poses[static_cast<std::size_t>(contactor)].translation();
+    const auto beside = [&](int collision_body) -> Vector3 {
+      return p.point - poses[static_cast<std::size_t>(collision_body)].translation();
     };
-    bench.places.push_back({on(p.body_a), on(p.body_b), beside(p.body_a), beside(p.body_b)});
+    scratch.places.push_back({on(p.body_a), on(p.body_b), beside(p.body_a), beside(p.body_b)});
   };
   for (const int* k = previous.first; k != previous.last; ++k) keep(in.Previous(*k), in.previous_poses);
   for (std::size_t i = patch.begin; i < patch.end; ++i) keep(in.points[i], in.poses);
-  bench.candidates.clear();
+  scratch.candidates.clear();
   add([&](std::size_t i, const int* k, const ContactPoint& o) {
-    const auto &then = bench.places[static_cast<std::size_t>(k - previous.first)],
+    const auto &then = scratch.places[static_cast<std::size_t>(k - previous.first)],
                &now =
-                   bench.places[static_cast<std::size_t>(previous.last - previous.first) + i - patch.begin];
+                   scratch.places[static_cast<std::size_t>(previous.last - previous.first) + i - patch.begin];
     double nearest = (o.point - in.points[i].point).squaredNorm();
     for (std::size_t w = 0; w < now.size(); ++w)
       nearest = std::min(nearest, (now[w] - then[w]).squaredNorm());

@@ -11,7 +11,7 @@
 #include <tuple>
 #include <vector>
 
-#include "contactor_shapes.hpp"
+#include "collision_body_shapes.hpp"
 
 namespace fork1s {
 
@@ -20,17 +20,17 @@ class ContactMatcher {
   /// Room for that many contacts.
   void Reserve(std::size_t contacts);
 
-  /// match[i] <- the contact of `previous` that points[i] is, or -1. `poses` [contactors] are those at which
+  /// match[i] <- the contact of `previous` that points[i] is, or -1. `poses` [collision bodies] are those at which
   /// the points were found, `previous_poses` those of the contacts before. Points between the same two shapes
   /// follow each other in `points`.
-  void Match(const ContactorShapes& shapes, const std::vector<ContactPoint>& points,
+  void Match(const CollisionBodyShapes& shapes, const std::vector<ContactPoint>& points,
              const std::vector<RigidTransform>& poses, const std::vector<ContactRecord>& previous,
              const std::vector<RigidTransform>& previous_poses, std::vector<int>& match);
 
  private:
   // Arguments of Match.
   struct Input {
-    const ContactorShapes& shapes;
+    const CollisionBodyShapes& shapes;
     const std::vector<ContactPoint>& points;
     const std::vector<RigidTransform>& poses;
     const std::vector<ContactRecord>& previous;
@@ -47,23 +47,23 @@ class ContactMatcher {
     const int *first = nullptr, *last = nullptr;
   };
   // Where patches are matched, several side by side.
-  struct Bench {
+  struct Scratch {
     std::vector<std::tuple<double, int, int>> candidates;  // m², contact, previous contact
     std::vector<std::array<Vector3, 4>>
         places;  // of points on body a and b: in their axes, and in the world's
-    Bench();
+    Scratch();
   };
   static constexpr std::size_t kMostBenches = 64;
 
   void SortPrevious(const Input& in);
   void FindPatches(const std::vector<ContactPoint>& points);
-  void MatchPatch(const Input& in, const Patch& patch, Bench& bench, std::vector<int>& match);
-  static void AddCandidates(const Input& in, const Patch& patch, const Range& previous, Bench& bench);
+  void MatchPatch(const Input& in, const Patch& patch, Scratch& scratch, std::vector<int>& match);
+  static void AddCandidates(const Input& in, const Patch& patch, const Range& previous, Scratch& scratch);
 
   std::vector<char> used_;  // of previous
   std::vector<int> order_;  // of previous, by what touches what
   std::vector<Patch> patches_;
-  std::vector<Bench> benches_;
+  std::vector<Scratch> scratches_;
 };
 
 }  // namespace fork1s

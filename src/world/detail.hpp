@@ -53,7 +53,7 @@ struct World::Detail {
   // Impacts.
   ImpactView Impacts() const { return {detection_, history_, rows_, approaches_}; }
   void SolveContacts(const StepOptions& options, StepReport& report);
-  bool UpdateSwitches(const StepOptions& options);
+  bool UpdateActiveSet(const StepOptions& options);
   void PredictAllAgain(double h);
   void RecordContacts(double h);
 
@@ -95,7 +95,7 @@ struct World::Detail {
     std::array<Level, kMaxHalvings + 1> levels;
     int depth = 0;      // halvings of the step at hand
     WorldState before;  // of the step at hand
-    ForeseenImpact foreseen;
+    PredictedImpact predicted;
   };
   Halving halving_;
   const WorldState* step_start_ = nullptr;  // of `halving_`, where the last step began

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "bodies.hpp"
-#include "contactor_shapes.hpp"
+#include "collision_body_shapes.hpp"
 
 namespace fork1s {
 
@@ -27,8 +27,8 @@ struct Detection {
   /// Sum of the two largest of `motion` [m]: no pair closes its gap by more.
   double LargestPairMotion() const;
 
-  std::vector<Contactor> contactors;
-  ContactorShapes shapes;
+  std::vector<CollisionBody> collision_bodies;
+  CollisionBodyShapes shapes;
   std::unique_ptr<CollisionWorld> world;
   double most_margin = 0;                         // m
   double margin = 0;                              // m, of the last detection
@@ -37,10 +37,10 @@ struct Detection {
   std::vector<ContactPoint> points;               // of the last detection
   bool dropped = false;                           // for want of room
   std::vector<char> touched;                      // per free body, by FindTouched
-  std::vector<RigidTransform> poses;              // per contactor, at the last detection
-  std::vector<RigidTransform> stage_start_poses;  // per contactor
+  std::vector<RigidTransform> poses;              // per collision body, at the last detection
+  std::vector<RigidTransform> stage_start_poses;  // per collision body
   std::vector<double>
-      motion;  // m, per contactor: to the poses of CoversMotion, or since the start of the stage
+      motion;  // m, per collision body: to the poses of CoversMotion, or since the start of the stage
 };
 
 }  // namespace fork1s

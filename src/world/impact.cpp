@@ -20,18 +20,18 @@ void Approaches::SetSpeeds(const StepOptions& step) {
   carried_speed = std::max(step.gravity.norm() * step.h / 8, impact_speed);
 }
 
-ForeseenImpact FindClosingAtSpeed(const ImpactView& at) {
-  ForeseenImpact first;
+PredictedImpact FindPredictedImpact(const ImpactView& at) {
+  PredictedImpact first;
   for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
     const ContactPoint& p = at.detection.points[i];
     const double closing = at.approaches.closing[i];
-    if (p.gap < first.time * closing && closing > at.approaches.SpeedOfImpact(p) && !at.Bore(i))
+    if (p.gap < first.time * closing && closing > at.approaches.SpeedOfImpact(p) && !at.CarriedLoad(i))
       first = {ContactOf(p), p.gap / closing};
   }
   return first;
 }
 
-StepSubject FindMetAtSpeed(const ImpactView& at, double h) {
+StepSubject FindImpact(const ImpactView& at, double h) {
   const double least = at.approaches.impact_speed;
   for (std::size_t k = 0; k < at.approaches.stops.size(); ++k) {
     const StopApproach& stop = at.approaches.stops[k];
@@ -39,7 +39,7 @@ StepSubject FindMetAtSpeed(const ImpactView& at, double h) {
       return StopOf(stop);
   }
   for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
-    if (!(at.rows.contacts[i].impulse(0) > 0) || at.Bore(i)) continue;
+    if (!(at.rows.contacts[i].impulse(0) > 0) || at.CarriedLoad(i)) continue;
     const ContactPoint& p = at.detection.points[i];
     const double speed = at.approaches.SpeedOfImpact(p);
     if (at.approaches.closing[i] > speed || p.gap > h * speed) return ContactOf(p);
@@ -79,7 +79,7 @@ StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts)
     if (!stop.bore && stop.base_gap < -h * at.approaches.impact_speed) return StopOf(stop);
   for (std::size_t i = 0; contacts && i < at.detection.points.size(); ++i) {
     const ContactPoint& p = at.detection.points[i];
-    if (!at.Bore(i) && p.gap < -h * at.approaches.SpeedOfImpact(p)) return ContactOf(p);
+    if (!at.CarriedLoad(i) && p.gap < -h * at.approaches.SpeedOfImpact(p)) return ContactOf(p);
   }
   return {};
 }
@@ -90,7 +90,7 @@ bool MayHavePassed(const ImpactView& at) {
     const ContactPoint& p = d.points[i];
     const double motion =
         d.motion[static_cast<std::size_t>(p.body_a)] + d.motion[static_cast<std::size_t>(p.body_b)];
-    if (p.gap < motion && !at.Bore(i) && motion > 0.5 * d.shapes.InnerPairSize(p)) return true;
+    if (p.gap < motion && !at.CarriedLoad(i) && motion > 0.5 * d.shapes.InnerPairSize(p)) return true;
   }
   return false;
 }

@@ -34,18 +34,20 @@ struct ImpactView {
   const Approaches& approaches;
 
   /// Whether a contact bore a load in the last step.
-  bool Bore(std::size_t contact) const { return history.CarriedAtRest(contact, approaches.carried_speed); }
+  bool CarriedLoad(std::size_t contact) const {
+    return history.CarriedAtRest(contact, approaches.carried_speed);
+  }
 };
 /// The contact that bore nothing yet and would close first at the speed of an impact, if all went on.
-struct ForeseenImpact {
+struct PredictedImpact {
   StepSubject of;
   double time = std::numeric_limits<double>::infinity();  // s, from the start of the step
 };
-ForeseenImpact FindClosingAtSpeed(const ImpactView& at);
+PredictedImpact FindPredictedImpact(const ImpactView& at);
 // Each gives the first that it finds, kNone if there is none.
 /// What the step has brought together at the speed of an impact: from the start, or from so far that it took that
 /// speed; contacts, stops of joints and tendons.
-StepSubject FindMetAtSpeed(const ImpactView& at, double h);
+StepSubject FindImpact(const ImpactView& at, double h);
 /// What the first stage stopped and parts again in the second.
 StepSubject FindParting(const ImpactView& at, const std::vector<StopHistory>& stops);
 /// A stop, or with `contacts`, whose gaps are those of base points, a contact, that carried no load at the

@@ -13,7 +13,7 @@ constexpr int kContactsPerRange = 64;
 
 void Merge(const ContactSolverReport& of_island, ContactSolverReport& report) {
   report.newton_iterations = std::max(report.newton_iterations, of_island.newton_iterations);
-  report.stage = std::max(report.stage, of_island.stage);
+  report.fallback = std::max(report.fallback, of_island.fallback);
   // Written so that a residual that is no number stays.
   if (!(of_island.residual <= report.residual)) report.residual = of_island.residual;
   report.residual_impulse = std::max(report.residual_impulse, of_island.residual_impulse);
@@ -304,7 +304,7 @@ ContactSolverReport IslandSolver::Solve(const std::vector<VelocityBlock>& blocks
   SortIntoIslands(blocks, contacts, limits);
   if (islands_.size() <= 1)
     return Pool().Borrow()->solver.Solve(blocks, contacts, limits, velocities, options);
-  for (const int i : between_) contacts[static_cast<std::size_t>(i)].use = 0;
+  for (const int i : between_) contacts[static_cast<std::size_t>(i)].utilization = 0;
   if (!between_.empty()) RecordStart(contacts, limits, velocities);
   SolveIslands(blocks, contacts, limits, velocities, options);
   while (JoinClosing(contacts, velocities)) {

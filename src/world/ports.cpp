@@ -101,17 +101,17 @@ void FillRows(const MechanismDynamics& m, const PortOptions& options, MechanismR
   }
 }
 
-// Units of the stacked velocities: the parts of all mechanisms, then contactors, of which free bodies count.
+// Units of the stacked velocities: the parts of all mechanisms, then collision bodies, of which free bodies count.
 int NumParts(const ConstraintRows& rows) {
   std::size_t count = 0;
   for (const MechanismRows& block : rows.mechanisms) count += block.parts.size();
   return static_cast<int>(count);
 }
-int UnitOf(const Detection& detection, const ConstraintRows& rows, int contactor) {
-  const auto at = static_cast<std::size_t>(contactor);
-  const Contactor& c = detection.contactors[at];
-  if (c.kind == Contactor::Kind::kWorld) return -1;
-  if (c.kind == Contactor::Kind::kFreeBody) return NumParts(rows) + contactor;
+int UnitOf(const Detection& detection, const ConstraintRows& rows, int collision_body) {
+  const auto at = static_cast<std::size_t>(collision_body);
+  const CollisionBody& c = detection.collision_bodies[at];
+  if (c.kind == CollisionBody::Kind::kWorld) return -1;
+  if (c.kind == CollisionBody::Kind::kFreeBody) return NumParts(rows) + collision_body;
   int unit = rows.port_part[at];
   for (int i = 0; i < c.index; ++i)
     unit += static_cast<int>(rows.mechanisms[static_cast<std::size_t>(i)].parts.size());
@@ -162,8 +162,8 @@ void PlaceUnits(const Detection& detection, ConstraintRows& rows) {
     part.size = static_cast<int>(6 * part.groups.size() + part.limits.size() + part.frictions.size());
     offset += part.size + part.room;
   };
-  const auto place_body = [&](std::size_t contactor) {
-    rows.port_offset[contactor] = offset;
+  const auto place_body = [&](std::size_t collision_body) {
+    rows.port_offset[collision_body] = offset;
     offset += 6;
   };
   const int num_parts = NumParts(rows);
@@ -190,8 +190,8 @@ void PlaceUnits(const Detection& detection, ConstraintRows& rows) {
   for (MechanismRows& block : rows.mechanisms)
     for (PartRows& part : block.parts)
       if (!place_as_group(unit++)) place_part(part);
-  for (std::size_t c = 0; c < detection.contactors.size(); ++c)
-    if (detection.contactors[c].kind == Contactor::Kind::kFreeBody && rows.port_offset[c] >= 0 &&
+  for (std::size_t c = 0; c < detection.collision_bodies.size(); ++c)
+    if (detection.collision_bodies[c].kind == CollisionBody::Kind::kFreeBody && rows.port_offset[c] >= 0 &&
         !place_as_group(num_parts + static_cast<int>(c)))
       place_body(c);
 }
@@ -212,13 +212,13 @@ void GatherPushes(const Detection& detection, ConstraintRows& rows) {
     if (c.port_a >= 0) push.on_a = c.ImpulseOn(c.J_a) - pull * c.J_a.row(0).transpose();
     if (c.port_b >= 0) push.on_b = c.ImpulseOn(c.J_b) - pull * c.J_b.row(0).transpose();
   });
-  rows.is_pushed.assign(detection.contactors.size(), 0);
-  const auto add = [&](int port, int contactor, const Vector6& F) {
+  rows.is_pushed.assign(detection.collision_bodies.size(), 0);
+  const auto add = [&](int port, int collision_body, const Vector6& F) {
     if (port < 0) return;
-    const auto at = static_cast<std::size_t>(contactor);
+    const auto at = static_cast<std::size_t>(collision_body);
     rows.is_pushed[at] = 1;
-    const Contactor& c = detection.contactors[at];
-    if (c.kind != Contactor::Kind::kGroup) return;
+    const CollisionBody& c = detection.collision_bodies[at];
+    if (c.kind != CollisionBody::Kind::kGroup) return;
     PartRows& part = rows.mechanisms[static_cast<std::size_t>(c.index)]
                          .parts[static_cast<std::size_t>(rows.port_part[at])];
     part.impulse.segment<6>(port - part.offset) += F;
@@ -234,12 +234,12 @@ void GatherPushes(const Detection& detection, ConstraintRows& rows) {
 
 // Which ports and limits take part, and where they stand in the stacked velocities. Fills Jᵀ of every part
 // and, in rows.velocities, the twists at the start of the step.
-void LayOutPorts(const Bodies& bodies, const Detection& detection,
+void AssignPorts(const Bodies& bodies, const Detection& detection,
                  const std::vector<SwitchedClosure>& closures, const PortOptions& options,
                  std::vector<StopHistory>& stops, ConstraintRows& rows) {
   std::fill(rows.port_offset.begin(), rows.port_offset.end(), -1);
   const auto takes_part = [&](int side) {
-    if (detection.contactors[static_cast<std::size_t>(side)].kind != Contactor::Kind::kWorld)
+    if (detection.collision_bodies[static_cast<std::size_t>(side)].kind != CollisionBody::Kind::kWorld)
       rows.port_offset[static_cast<std::size_t>(side)] = 0;
   };
   for (const ContactPoint& p : detection.points)
@@ -251,24 +251,25 @@ void LayOutPorts(const Bodies& bodies, const Detection& detection,
   bodies.ForMechanisms(
       [&](std::size_t i) { LayOutLimits(bodies.mechanisms[i], options, stops[i], rows.mechanisms[i]); });
   // Ports first get their place within their part, then the parts theirs.
-  for (std::size_t c = 0; c < detection.contactors.size(); ++c) {
-    if (detection.contactors[c].kind != Contactor::Kind::kGroup || rows.port_offset[c] < 0) continue;
-    const auto i = static_cast<std::size_t>(detection.contactors[c].index);
+  for (std::size_t c = 0; c < detection.collision_bodies.size(); ++c) {
+    if (detection.collision_bodies[c].kind != CollisionBody::Kind::kGroup || rows.port_offset[c] < 0)
+      continue;
+    const auto i = static_cast<std::size_t>(detection.collision_bodies[c].index);
     auto& parts = rows.mechanisms[i].parts;
-    const int part = bodies.mechanisms[i].step_model().PartOfGroup(detection.contactors[c].group);
+    const int part = bodies.mechanisms[i].step_model().PartOfGroup(detection.collision_bodies[c].group);
     rows.port_part[c] = part < 0 ? static_cast<int>(parts.size()) - 1 : part;
     auto& groups = parts[static_cast<std::size_t>(rows.port_part[c])].groups;
     rows.port_offset[c] = 6 * static_cast<int>(groups.size());
-    groups.push_back(detection.contactors[c].group);
+    groups.push_back(detection.collision_bodies[c].group);
   }
   FindClosureGroups(detection, closures, rows);
   PlaceUnits(detection, rows);
   bodies.ForMechanisms(
       [&](std::size_t i) { FillRows(bodies.mechanisms[i], options, rows.mechanisms[i], rows); });
-  for (std::size_t c = 0; c < detection.contactors.size(); ++c) {
+  for (std::size_t c = 0; c < detection.collision_bodies.size(); ++c) {
     if (rows.port_offset[c] < 0) continue;
-    const auto i = static_cast<std::size_t>(detection.contactors[c].index);
-    if (detection.contactors[c].kind == Contactor::Kind::kGroup) {
+    const auto i = static_cast<std::size_t>(detection.collision_bodies[c].index);
+    if (detection.collision_bodies[c].kind == CollisionBody::Kind::kGroup) {
       rows.port_offset[c] += rows.mechanisms[i].parts[static_cast<std::size_t>(rows.port_part[c])].offset;
     } else {
       rows.velocities.segment<6>(rows.port_offset[c]) = bodies.free_bodies[i].PortTwist();
@@ -310,9 +311,9 @@ void AssembleOperators(const Bodies& bodies, const Detection& detection, Constra
     for (PartRows& part : block.parts)
       if (const int freedoms = static_cast<int>(part.Y.rows()); part.size > 0)
         rows.blocks.push_back({part.offset, part.size, part.Y.data(), freedoms, freedoms});
-  for (std::size_t c = 0; c < detection.contactors.size(); ++c)
-    if (detection.contactors[c].kind == Contactor::Kind::kFreeBody && rows.port_offset[c] >= 0) {
-      const auto b = static_cast<std::size_t>(detection.contactors[c].index);
+  for (std::size_t c = 0; c < detection.collision_bodies.size(); ++c)
+    if (detection.collision_bodies[c].kind == CollisionBody::Kind::kFreeBody && rows.port_offset[c] >= 0) {
+      const auto b = static_cast<std::size_t>(detection.collision_bodies[c].index);
       rows.velocities.segment<6>(rows.port_offset[c]) = bodies.free_bodies[b].PortTwist();
       rows.free_Y[b] = bodies.free_bodies[b].InverseInertiaRoot();
       rows.blocks.push_back({rows.port_offset[c], 6, rows.free_Y[b].data(), 6, 6});
@@ -322,24 +323,24 @@ void AssembleOperators(const Bodies& bodies, const Detection& detection, Constra
 // The frames that the twists of ports are given in and about: of mechanisms their root, of free bodies world
 // axes at their centre of mass. Every contact asks for those of its two sides several times.
 void FindPortFrames(const Bodies& bodies, const Detection& detection, ConstraintRows& rows) {
-  rows.port_frames.resize(detection.contactors.size());
-  for (std::size_t c = 0; c < detection.contactors.size(); ++c) {
+  rows.port_frames.resize(detection.collision_bodies.size());
+  for (std::size_t c = 0; c < detection.collision_bodies.size(); ++c) {
     if (rows.port_offset[c] < 0) continue;
-    const auto i = static_cast<std::size_t>(detection.contactors[c].index);
-    rows.port_frames[c] = detection.contactors[c].kind == Contactor::Kind::kFreeBody
+    const auto i = static_cast<std::size_t>(detection.collision_bodies[c].index);
+    rows.port_frames[c] = detection.collision_bodies[c].kind == CollisionBody::Kind::kFreeBody
                               ? RigidTransform(Matrix3::Identity(), bodies.free_bodies[i].center_W())
                               : bodies.mechanisms[i].state().X_WR;
   }
 }
 
 // Rows of the contact frame on the twist of a port.
-Matrix36 PortRows(const Detection& detection, const ConstraintRows& rows, int contactor, const Vector3& point,
-                  const Matrix3& frame) {
-  const auto c = static_cast<std::size_t>(contactor);
+Matrix36 PortRows(const Detection& detection, const ConstraintRows& rows, int collision_body,
+                  const Vector3& point, const Matrix3& frame) {
+  const auto c = static_cast<std::size_t>(collision_body);
   const RigidTransform& X_WP = rows.port_frames[c];
   Vector3 p = point - X_WP.translation();
   Matrix36 J;
-  if (detection.contactors[c].kind == Contactor::Kind::kFreeBody) {  // in world axes
+  if (detection.collision_bodies[c].kind == CollisionBody::Kind::kFreeBody) {  // in world axes
     J.rightCols<3>() = frame;
   } else {
     p = X_WP.rotation().transpose().lazyProduct(p).eval();
@@ -365,9 +366,9 @@ void ApplyImpulses(const Detection& detection, const std::vector<SwitchedClosure
       PartRows& part = rows.mechanisms[force.mechanism].parts[force.part];
       part.impulse(part.BoundedForceRow(force.row_in_part)) = rows.LimitOfBoundedForce(k).impulse;
     }
-  for (std::size_t c = 0; c < detection.contactors.size(); ++c)
-    if (rows.is_pushed[c] && detection.contactors[c].kind == Contactor::Kind::kFreeBody)
-      bodies.free_bodies[static_cast<std::size_t>(detection.contactors[c].index)].SetPortTwist(
+  for (std::size_t c = 0; c < detection.collision_bodies.size(); ++c)
+    if (rows.is_pushed[c] && detection.collision_bodies[c].kind == CollisionBody::Kind::kFreeBody)
+      bodies.free_bodies[static_cast<std::size_t>(detection.collision_bodies[c].index)].SetPortTwist(
           rows.velocities.segment<6>(rows.port_offset[c]));
   bodies.ForMechanisms([&](std::size_t i) {
     MechanismRows& block = rows.mechanisms[i];

@@ -16,7 +16,7 @@ struct PortOptions {
 };
 /// The ports that contact points touch, the stops within reach and all dry friction get their places; Jᵀ of
 /// every part, and the velocities at hand.
-void LayOutPorts(const Bodies& bodies, const Detection& detection,
+void AssignPorts(const Bodies& bodies, const Detection& detection,
                  const std::vector<SwitchedClosure>& closures, const PortOptions& options,
                  std::vector<StopHistory>& stops, ConstraintRows& rows);
 /// By the factors at hand: Y of every part, the velocities before contact, and the blocks of the solve.
@@ -24,8 +24,8 @@ void AssembleOperators(const Bodies& bodies, const Detection& detection, Constra
 /// Frames of the ports that take part.
 void FindPortFrames(const Bodies& bodies, const Detection& detection, ConstraintRows& rows);
 /// Rows of a contact frame on the twist of a port.
-Matrix36 PortRows(const Detection& detection, const ConstraintRows& rows, int contactor, const Vector3& point,
-                  const Matrix3& frame);
+Matrix36 PortRows(const Detection& detection, const ConstraintRows& rows, int collision_body,
+                  const Vector3& point, const Matrix3& frame);
 /// Impulses of the solve on mechanisms and free bodies; stops and dry friction keep theirs.
 /// `of_bounded_forces`: those too.
 void ApplyImpulses(const Detection& detection, const std::vector<SwitchedClosure>& closures,

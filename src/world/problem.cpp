@@ -34,8 +34,8 @@ ContactProblem World::LastContactProblem() const {
     if (place[row] >= 0) end(place[row]) = d.rows_.velocities(static_cast<Eigen::Index>(row));
   out.velocity = end - out.VelocityUnderImpulses();
   for (ContactConstraint& c : out.contacts) {
-    c.impulse = c.held;
-    c.moment = c.held_moment;
+    c.impulse = c.previous_impulse;
+    c.moment = c.previous_moment;
   }
   for (std::size_t i = 0; i < d.bodies_.mechanisms.size(); ++i) {
     std::size_t next = d.rows_.mechanisms[i].first_limit;

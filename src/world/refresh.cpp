@@ -6,13 +6,13 @@ namespace {
 void GatherContactImpulses(std::size_t i, const MechanismDynamics& m, const Detection& detection,
                            const ConstraintRows& rows, RefreshState& refresh) {
   refresh.contact_impulses_R.setZero(6, m.mechanism().num_bodies());
-  for (std::size_t c = 0; c < detection.contactors.size(); ++c) {
-    const Contactor& contactor = detection.contactors[c];
-    if (contactor.kind != Contactor::Kind::kGroup || contactor.index != static_cast<int>(i) ||
+  for (std::size_t c = 0; c < detection.collision_bodies.size(); ++c) {
+    const CollisionBody& collision_body = detection.collision_bodies[c];
+    if (collision_body.kind != CollisionBody::Kind::kGroup || collision_body.index != static_cast<int>(i) ||
         rows.port_offset[c] < 0 || !rows.is_pushed[c])
       continue;
     const PartRows& part = rows.mechanisms[i].parts[static_cast<std::size_t>(rows.port_part[c])];
-    const BodyIndex body = m.groups()[static_cast<std::size_t>(contactor.group)].body;
+    const BodyIndex body = m.groups()[static_cast<std::size_t>(collision_body.group)].body;
     refresh.contact_impulses_R.col(body.value()) +=
         part.impulse.segment<6>(rows.port_offset[c] - part.offset);
   }

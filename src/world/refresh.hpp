@@ -11,7 +11,7 @@ struct RefreshState {
   int result = 0;               // at the end of the last step: 1 done, -1 failed, 0 not due
   LinearizationDrift drift;     // for which it was due
   bool by_expansion = false;    // the step
-  bool expanded = false;        // anew, at its end
+  bool expanded = false;        // again, at its end
   Matrix6X contact_impulses_R;  // scratch: of the last stage, 6 x bodies, about R's origin
 };
 

@@ -48,7 +48,7 @@ struct SwitchedRows {
 /// Blocks of velocities that switched closures join, from `begin` to `end` of the stacked ones, and their elimination.
 struct ClosureGroup {
   int begin = 0, end = 0;
-  std::vector<int> units;                   // of LayOutPorts
+  std::vector<int> units;                   // of AssignPorts
   MatrixX Y;                                // of all blocks; then of what the closures leave free
   std::vector<std::pair<int, int>> places;  // closure and its row, per column of G
   VectorX unit;                             // factor of each column
@@ -60,7 +60,7 @@ struct ClosureGroup {
 
 /// Of the contact solve at hand.
 struct ConstraintRows {
-  // Places in the stacked velocities, per contactor.
+  // Places in the stacked velocities, per collision body.
   std::vector<int> port_offset;             // -1: takes no part
   std::vector<int> port_part;               // PartRows of its mechanism
   std::vector<RigidTransform> port_frames;  // that twists of ports are given in and about
@@ -101,7 +101,7 @@ struct ConstraintRows {
     Vector6 on_a, on_b;
   };
   std::vector<Push> pushes;     // per contact
-  std::vector<char> is_pushed;  // per contactor
+  std::vector<char> is_pushed;  // per collision body
 };
 
 /// Velocity of b less that of a in the frame of a contact.

@@ -18,7 +18,7 @@ void World::Detail::Save(WorldState& out) const {
     out.free_bodies[i] = bodies_.free_bodies[i].Save();
   out.contacts = contacts_;
   out.contacts_h = contacts_h_;
-  out.contactor_poses = detection_.poses;
+  out.collision_body_poses = detection_.poses;
   out.switched_closures = closure_records_;
 }
 
@@ -38,7 +38,7 @@ void World::Detail::Restore(const WorldState& state) {
 void World::Detail::RestoreContacts(const WorldState& state) {
   contacts_ = state.contacts;
   contacts_h_ = state.contacts_h;
-  detection_.poses = state.contactor_poses;
+  detection_.poses = state.collision_body_poses;
   closure_records_ = state.switched_closures;
 }
 
@@ -57,21 +57,21 @@ Expected<void> World::CanRestore(const WorldState& state) const {
   const auto& mechanisms = detail_->bodies_.mechanisms;
   if (state.mechanisms.size() != mechanisms.size() || state.rows.size() != mechanisms.size() ||
       state.free_bodies.size() != detail_->bodies_.free_bodies.size() ||
-      state.contactor_poses.size() != detail_->detection_.poses.size() ||
+      state.collision_body_poses.size() != detail_->detection_.poses.size() ||
       state.switched_closures.size() != detail_->closures_.size())
     return fail(
         "has another number of mechanisms, free bodies, touching bodies or switched closures than this world");
   for (std::size_t i = 0; i < mechanisms.size(); ++i) {
-    const Mechanism& here = mechanisms[i].mechanism();
+    const Mechanism& ctx = mechanisms[i].mechanism();
     const MechanismState& then = state.mechanisms[i];
-    if (!then.model) return fail("has nothing of mechanism '" + here.name() + "'");
+    if (!then.model) return fail("has nothing of mechanism '" + ctx.name() + "'");
     const Mechanism& there = *then.model->mechanism;
-    if (there.num_bodies() != here.num_bodies() || there.num_coordinates() != here.num_coordinates() ||
-        there.num_constraints() != here.num_constraints() || there.base() != here.base() ||
+    if (there.num_bodies() != ctx.num_bodies() || there.num_coordinates() != ctx.num_coordinates() ||
+        there.num_constraints() != ctx.num_constraints() || there.base() != ctx.base() ||
         then.model->interfaces != mechanisms[i].model().interfaces ||
         then.controls.size() != mechanisms[i].controls().size() ||
         then.activation.size() != mechanisms[i].activation().size())
-      return fail("has a mechanism '" + there.name() + "' that differs from '" + here.name() +
+      return fail("has a mechanism '" + there.name() + "' that differs from '" + ctx.name() +
                   "' of this world");
   }
   return {};

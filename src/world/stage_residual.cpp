@@ -109,7 +109,7 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
 StepSubject FindSaturationChange(Bodies& bodies, double b) {
   for (std::size_t i = 0; i < bodies.mechanisms.size(); ++i) {
     const MechanismDynamics& m = bodies.mechanisms[i];
-    if (!HasSwitches(m)) continue;
+    if (!HasComplementarity(m)) continue;
     const SaturationChange change = ComputeSaturationChange(bodies.mechanisms[i], b, kOnward);
     if (change.displacement <= Negligible(change.motion, m.mechanism().length_scale())) continue;
     return {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),

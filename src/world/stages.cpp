@@ -35,7 +35,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   const double b = stage_.is_backward_euler ? h : kStageShare * h;
   if (halving_.depth == 0) {
     approaches_.SetSpeeds(options);
-    halving_.foreseen = {};
+    halving_.predicted = {};
     sums_.Clear(bodies_.mechanisms.size(), closures_.size());
   }
   StartSwitchedClosures(bodies_, detection_, h, closures_);
@@ -51,14 +51,14 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
       return HalveOrUndo(options, HalvingCause::kImpact, report);
     }
     // The first part of a step that was halved starts with what the whole foresaw.
-    if (!(halving_.foreseen.time < h)) {
+    if (!(halving_.predicted.time < h)) {
       PrepareContacts(options, report);
       if (halving_.depth == 0) start_points_ = detection_.points;
       history_.RecordStartGaps(detection_.points, approaches_.carried_speed);
-      halving_.foreseen = FindClosingAtSpeed(Impacts());
+      halving_.predicted = FindPredictedImpact(Impacts());
     }
-    if (halving_.foreseen.time < h) {
-      report.halving_of = halving_.foreseen.of;
+    if (halving_.predicted.time < h) {
+      report.halving_of = halving_.predicted.of;
       return HalveOrUndo(options, HalvingCause::kImpact, report);
     }
   }
@@ -80,7 +80,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     for (MechanismDynamics& m : bodies_.mechanisms) ExtrapolateStage(m, b, kOnward);
     for (FreeBody& body : bodies_.free_bodies) body.ExtrapolateStage(b, kOnward);
     history_.CarryStartGaps();
-    history_.Take(contacts_, b, detection_.poses);
+    history_.Store(contacts_, b, detection_.poses);
   }
   const double between_stages = stage_.is_backward_euler ? 0 : h - b;
   bodies_.ForMechanisms([&](std::size_t i) { fork1s::EndStep(bodies_.mechanisms[i], between_stages); });
@@ -151,7 +151,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   ++report.stages;
   detection_.least_margin = 0;
   stage_.all_stops = stage_.rows_from_start = false;
-  StartStops(history_.StepsRatio(stage.h), stops_);
+  StartStops(history_.TimeStepRatio(stage.h), stops_);
   StageResidual last;
   int growths = 0, max_iterations = kMaxNewtonIterations;
   bool inertial = false;
@@ -169,8 +169,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       detection_.FindTouched(bodies_.free_bodies.size());
       for (const SwitchedClosure& closure : closures_)
         for (const int side : {closure.a, closure.b})
-          if (const Contactor& c = detection_.contactors[static_cast<std::size_t>(side)];
-              closure.acts && c.kind == Contactor::Kind::kFreeBody)
+          if (const CollisionBody& c = detection_.collision_bodies[static_cast<std::size_t>(side)];
+              closure.acts && c.kind == CollisionBody::Kind::kFreeBody)
             detection_.touched[static_cast<std::size_t>(c.index)] = 1;
       for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
         bodies_.free_bodies[i].PredictStage(stage.h, detection_.touched[i] != 0);
@@ -245,7 +245,7 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
   if (scheme == StageScheme::kBackwardEuler) return HalvingCause::kNone;
   const ImpactView at = Impacts();
   // At the first iteration rows still know the velocity that the stage starts with.
-  if (iteration == 1 || stage_.rows_from_start) report.halving_of = FindMetAtSpeed(at, options.h);
+  if (iteration == 1 || stage_.rows_from_start) report.halving_of = FindImpact(at, options.h);
   const auto none = [&] { return report.halving_of.kind == StepSubject::Kind::kNone; };
   if (scheme == StageScheme::kSecondOfTwo) {
     if (none()) report.halving_of = FindBeyondAtBasePoint(at, options.h, stage_.rows_from_start);
@@ -264,7 +264,7 @@ void World::Detail::RecordContacts(double h) {
     contacts_[i].pull = Vector3(-rows_.PullOf(i), 0, 0);
     contacts_[i].friction = c.friction;
     contacts_[i].moment = c.moment;
-    contacts_[i].use = c.use;
+    contacts_[i].utilization = c.utilization;
     contacts_[i].end_force = c.impulse / h;
     contacts_[i].end_moment = c.moment / h;
     contacts_[i].end_speed = RelativeSpeed(c, rows_.velocities)(0);
@@ -305,13 +305,13 @@ void World::Detail::StoreStage(double b, StageScheme scheme, StepReport& report)
   SumImpulses(scheme == StageScheme::kFirstOfTwo ? kOnward : 1);
   if (scheme != StageScheme::kFirstOfTwo) return;
   for (MechanismDynamics& m : bodies_.mechanisms)
-    if (HasSwitches(m)) StoreSwitchedForces(m, b);
+    if (HasComplementarity(m)) StoreActiveSetForces(m, b);
   // The second stage starts where tangential springs are at its base point.
   history_.to_base_point.resize(contacts_.size());
   for (std::size_t i = 0; i < contacts_.size(); ++i) {
     const ContactConstraint& c = rows_.contacts[i];
-    history_.to_base_point[i].head<3>() = (kOnward - 1) / b * (c.moment - c.held_moment);
-    history_.to_base_point[i].tail<3>() = (kOnward - 1) / b * (c.impulse - c.held);
+    history_.to_base_point[i].head<3>() = (kOnward - 1) / b * (c.moment - c.previous_moment);
+    history_.to_base_point[i].tail<3>() = (kOnward - 1) / b * (c.impulse - c.previous_impulse);
     history_.to_base_point[i](3) = 0;  // the normal force has no spring
   }
 }
@@ -343,7 +343,7 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   report.impact = cause == HalvingCause::kImpact;
   for (int k = 0; k < 2; ++k) {
     SetInputsOfPart(whole.start, options.h, 0.5 * k, 0.5 * (k + 1));
-    if (k > 0) halving_.foreseen = {};
+    if (k > 0) halving_.predicted = {};
     ++halving_.depth;
     const StepReport part = StepByStages(half);
     --halving_.depth;

@@ -101,11 +101,11 @@ class Hash {
 
 std::uint64_t HashOf(const WorldState& state, const VectorX& inputs) {
   // Records of switched closures are for reports: no step starts from them.
-  const auto& [mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction, rows,
+  const auto& [mechanisms, free_bodies, contacts, contacts_h, collision_body_poses, contraction, rows,
                switched_closures] = state;
   Hash hash;
-  hash.Add(mechanisms, free_bodies, contacts, contacts_h, contactor_poses, contraction[0], contraction[1],
-           rows, inputs);
+  hash.Add(mechanisms, free_bodies, contacts, contacts_h, collision_body_poses, contraction[0],
+           contraction[1], rows, inputs);
   return hash.value();
 }
 

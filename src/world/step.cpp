@@ -24,7 +24,7 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
         solver_.Solve(rows_.blocks, rows_.contacts, rows_.limits, rows_.velocities, options.contact);
     ComputeClosureImpulses(rows_);
     ApplyImpulses(detection_, closures_, true, bodies_, stops_, rows_);
-  } while (switches_.any && UpdateSwitches(options));
+  } while (switches_.any && UpdateActiveSet(options));
   if (rows_.bounded_forces.empty()) return;
   // The same step again with these forces where they belong: to rounding it is the same velocity, and the
   // rest of the step knows of no such rows.
@@ -35,10 +35,10 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
     ApplyImpulses(detection_, closures_, false, bodies_, stops_, rows_);
 }
 
-bool World::Detail::UpdateSwitches(const StepOptions& options) {
+bool World::Detail::UpdateActiveSet(const StepOptions& options) {
   bool changed = false;
   for (MechanismDynamics& m : bodies_.mechanisms)
-    if (fork1s::UpdateSwitches(m, options.h)) changed = true;
+    if (fork1s::UpdateActiveSet(m, options.h)) changed = true;
   if (!changed) return false;
   PredictAllAgain(options.h);
   AddBoundedForceRows(bodies_, options.h, rows_);
@@ -59,7 +59,7 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
   }
   const PartClock clock(times_, &StepPartTimes::rows);
   const bool with_start_velocities = stage_.within && (stage_.is_backward_euler || stage_.rows_from_start);
-  LayOutPorts(bodies_, detection_, closures_, {options.h, stage_.all_stops, with_start_velocities}, stops_,
+  AssignPorts(bodies_, detection_, closures_, {options.h, stage_.all_stops, with_start_velocities}, stops_,
               rows_);
   history_.Match(detection_);
   FindPortFrames(bodies_, detection_, rows_);
@@ -93,7 +93,7 @@ StepSubject World::Detail::FindNotFinite() const {
 namespace {
 
 // What was meant for one step alone.
-void ForgetInputs(WorldState& state) {
+void ClearOneShotInputs(WorldState& state) {
   for (MechanismState& m : state.mechanisms) {
     ClearLoads(m);
     m.controls_move = m.knows_driven_rate = false;
@@ -105,7 +105,7 @@ void ForgetInputs(WorldState& state) {
 
 // Goes back to `start`, but for wrenches, which may be what was not finite.
 StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
-  ForgetInputs(start);
+  ClearOneShotInputs(start);
   Restore(start);
   report.finite = false;
   return report;
@@ -114,7 +114,7 @@ StepReport World::Detail::UndoStep(WorldState& start, StepReport report) {
 void World::Detail::BeginStep(double h) {
   Save(halving_.before);
   if (halving_.depth == 0) step_start_ = &halving_.before;
-  history_.Take(contacts_, contacts_h_, detection_.poses);
+  history_.Store(contacts_, contacts_h_, detection_.poses);
   contacts_h_ = h;
   detection_.least_margin = 0;
   stage_.within = stage_.all_stops = stage_.rows_from_start = false;

@@ -27,7 +27,7 @@ void AddReport(const StepReport& part, StepReport& whole) {
 
 void MergeSolverReport(const ContactSolverReport& then, ContactSolverReport& solver) {
   solver.newton_iterations = std::max(solver.newton_iterations, then.newton_iterations);
-  solver.stage = std::max(solver.stage, then.stage);
+  solver.fallback = std::max(solver.fallback, then.fallback);
   solver.residual = std::max(solver.residual, then.residual);
   solver.residual_impulse = std::max(solver.residual_impulse, then.residual_impulse);
   solver.residual_speed = std::max(solver.residual_speed, then.residual_speed);

@@ -14,7 +14,7 @@ struct StepPartTimes {
   double free_velocities = 0;  // before contact
   double solving = 0;          // contacts, stops and dry friction, with the mobility that they need
   double moving = 0;           // coordinates, loops, poses
-  double refreshing = 0;       // models taken anew: of the loop that moves mechanisms, their share
+  double refreshing = 0;       // relinearizations: of the loop that moves mechanisms, their share
   double all = 0;
 };
 

@@ -1,5 +1,5 @@
 #include "stops.hpp"
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 
 namespace fork1s {
 

@@ -12,9 +12,9 @@ namespace {
 // (constraints/prepare_rows.cpp): nothing can close its gap, and it bears nothing.
 constexpr double kLeastInverseMass = 1e-11;
 
-RigidTransform PoseOf(const Bodies& bodies, const Detection& detection, int contactor) {
-  const Contactor& c = detection.contactors[static_cast<std::size_t>(contactor)];
-  return c.kind == Contactor::Kind::kWorld ? RigidTransform() : bodies.PoseOf(c);
+RigidTransform PoseOf(const Bodies& bodies, const Detection& detection, int collision_body) {
+  const CollisionBody& c = detection.collision_bodies[static_cast<std::size_t>(collision_body)];
+  return c.kind == CollisionBody::Kind::kWorld ? RigidTransform() : bodies.PoseOf(c);
 }
 
 struct Frames {
@@ -41,10 +41,10 @@ Vector6 GapOf(const SwitchedClosure& closure, const Frames& f) {
 }
 
 // Twist in world axes about a point.
-Vector6 VelocityAt(const Bodies& bodies, const Detection& detection, int contactor,
+Vector6 VelocityAt(const Bodies& bodies, const Detection& detection, int collision_body,
                    const RigidTransform& X_WC, const Vector3& point) {
-  const Contactor& c = detection.contactors[static_cast<std::size_t>(contactor)];
-  if (c.kind == Contactor::Kind::kWorld) return Vector6::Zero();
+  const CollisionBody& c = detection.collision_bodies[static_cast<std::size_t>(collision_body)];
+  if (c.kind == CollisionBody::Kind::kWorld) return Vector6::Zero();
   Vector6 V = bodies.VelocityOf(c);
   V.tail<3>() += V.head<3>().cross(point - X_WC.translation());
   return V;
@@ -133,10 +133,11 @@ const SwitchedClosure* FindClosureImpact(const std::vector<SwitchedClosure>& clo
       if (!closure.rigid[k]) off[k] = 0;
     // Turns count at the distance of the joint, or of the shapes' ends.
     double arm = 0;
-    for (const auto& [contactor, X] : {std::pair(closure.a, f.X_WA), std::pair(closure.b, f.X_WB)})
-      if (detection.contactors[static_cast<std::size_t>(contactor)].kind != Contactor::Kind::kWorld)
+    for (const auto& [collision_body, X] : {std::pair(closure.a, f.X_WA), std::pair(closure.b, f.X_WB)})
+      if (detection.collision_bodies[static_cast<std::size_t>(collision_body)].kind !=
+          CollisionBody::Kind::kWorld)
         arm = std::max({arm, (p - X.translation()).norm(),
-                        detection.shapes.radius[static_cast<std::size_t>(contactor)]});
+                        detection.shapes.radius[static_cast<std::size_t>(collision_body)]});
     if (off.tail<3>().norm() + arm * off.head<3>().norm() > impact_speed) return &closure;
   }
   return nullptr;
@@ -153,10 +154,10 @@ void AssembleClosures(const std::vector<SwitchedClosure>& closures, const Bodies
     const Frames f = FramesOf(closure, bodies, detection);
     out.axes_W = f.X_WaJ.rotation();
     out.point_W = f.X_WbJ.translation();
-    const auto side = [&](int contactor, double sign, Matrix6& J) {
-      const int port = rows.port_offset[static_cast<std::size_t>(contactor)];
+    const auto side = [&](int collision_body, double sign, Matrix6& J) {
+      const int port = rows.port_offset[static_cast<std::size_t>(collision_body)];
       if (port < 0) return port;
-      const Matrix36 linear = PortRows(detection, rows, contactor, out.point_W, out.axes_W.transpose());
+      const Matrix36 linear = PortRows(detection, rows, collision_body, out.point_W, out.axes_W.transpose());
       J.bottomRows<3>() = sign * linear;
       J.topLeftCorner<3, 3>() = sign * linear.rightCols<3>();
       for (int k = 0; k < 6; ++k)
@@ -266,8 +267,8 @@ void GatherClosureImpulses(const std::vector<SwitchedClosure>& closures, const D
       if (port < 0) continue;
       const auto at = static_cast<std::size_t>(is_a ? closure.a : closure.b);
       rows.is_pushed[at] = 1;
-      const Contactor& c = detection.contactors[at];
-      if (c.kind != Contactor::Kind::kGroup) continue;
+      const CollisionBody& c = detection.collision_bodies[at];
+      if (c.kind != CollisionBody::Kind::kGroup) continue;
       PartRows& part = rows.mechanisms[static_cast<std::size_t>(c.index)]
                            .parts[static_cast<std::size_t>(rows.port_part[at])];
       part.impulse.segment<6>(port - part.offset) += (is_a ? row.J_a : row.J_b).transpose() * row.impulse;

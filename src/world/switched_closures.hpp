@@ -27,8 +27,8 @@ namespace fork1s {
 struct SwitchedClosure {
   std::size_t mechanism = 0;  // of its control
   Eigen::Index control = 0;
-  int a = 0, b = 0;           // contactors
-  RigidTransform X_AJ, X_BJ;  // in the frames of the contactors; of a still one in the world
+  int a = 0, b = 0;           // collision bodies
+  RigidTransform X_AJ, X_BJ;  // in the frames of the collision bodies; of a still one in the world
   Eigen::Matrix<bool, 6, 1> rigid = Eigen::Matrix<bool, 6, 1>::Constant(true);
   double time_constant = 0;        // s
   bool acts = false;               // in the step or part of one at hand
@@ -36,9 +36,9 @@ struct SwitchedClosure {
 };
 
 /// What of the scene a body is.
-struct BodyOnContactor {
-  int contactor = -1;   // -1: of none
-  RigidTransform X_CB;  // of a still contactor the pose in the world
+struct BodyOnCollisionBody {
+  int collision_body = -1;  // -1: of none
+  RigidTransform X_CB;      // of a still collision body the pose in the world
 };
 /// Those of all mechanisms. `find`: a body of the scene by its name. Errors: kModel where a body is not there, or is
 /// none that can bear a force.
@@ -57,13 +57,13 @@ Expected<std::vector<SwitchedClosure>> FindSwitchedClosures(const Bodies& bodies
       const std::string where = "switched closure '" + def.name + "' of mechanism '" + of.name + "'";
       for (const bool is_a : {true, false}) {
         const std::string& name = is_a ? def.body_a : def.body_b;
-        const BodyOnContactor body = find(name);
-        if (body.contactor < 0)
+        const BodyOnCollisionBody body = find(name);
+        if (body.collision_body < 0)
           return Fail(
               ErrorCode::kModel, where,
               "holds '" + name +
                   "', which is no free body and no interface body of a mechanism; name it as an interface");
-        (is_a ? closure.a : closure.b) = body.contactor;
+        (is_a ? closure.a : closure.b) = body.collision_body;
         (is_a ? closure.X_AJ : closure.X_BJ) = body.X_CB * (is_a ? def.X_AJ : def.X_BJ);
       }
       if (closure.a == closure.b)
@@ -81,7 +81,7 @@ void StartSwitchedClosures(const Bodies& bodies, const Detection& detection, dou
 /// One whose bodies move otherwise than it asks for, by more than the speed of an impact: switched on, or hit.
 const SwitchedClosure* FindClosureImpact(const std::vector<SwitchedClosure>& closures, const Bodies& bodies,
                                          const Detection& detection, double impact_speed);
-/// Rows of those that act, at the poses at hand; after LayOutPorts and FindPortFrames.
+/// Rows of those that act, at the poses at hand; after AssignPorts and FindPortFrames.
 void AssembleClosures(const std::vector<SwitchedClosure>& closures, const Bodies& bodies,
                       const Detection& detection, ConstraintRows& rows);
 /// Eliminates them from rows.velocities, the free ones, and rows.blocks; after AssembleOperators and ApplyPulls.

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstring>
 #include <fork1s/importer/importer.hpp>
-#include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/control_move.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>

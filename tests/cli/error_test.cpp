@@ -204,7 +204,7 @@ TEST(Compare, HasTheFloatingBaseBesideItsInterfaceBodies) {
   }
 }
 
-TEST(Passing, IsToldOfBodiesThatAreNoInterface) {
+TEST(Interpenetration, IsToldOfBodiesThatAreNoInterface) {
   const std::string model = Write("arm_plank.xml", Arm("upper", -0.2));
   const auto json = Fork1s("run --json --time 1 " + model).Json();
   ASSERT_FALSE(json["passed_through"].empty());

@@ -19,7 +19,7 @@ using Clique = std::vector<Span>;
 EliminationOrder OrderOf(int freedoms, const std::vector<Clique>& cliques) {
   EliminationOrder order;
   order.Begin(freedoms);
-  for (const Clique& clique : cliques) order.Meet(clique.data(), static_cast<int>(clique.size()));
+  for (const Clique& clique : cliques) order.Connect(clique.data(), static_cast<int>(clique.size()));
   order.Find();
   return order;
 }

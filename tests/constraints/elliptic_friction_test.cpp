@@ -25,7 +25,8 @@ double EllipseViolation(const Problem& p, const VectorX& start) {
     const Vector2 a = c.friction_scale / largest, load = c.impulse.tail<2>().cwiseQuotient(a);
     Vector3 w = J * p.velocity + c.bias;
     w[0] += c.compliance_normal * normal;
-    w.tail<2>() += c.compliance_tangent * (c.impulse - c.held).tail<2>().cwiseQuotient(a.cwiseAbs2());
+    w.tail<2>() +=
+        c.compliance_tangent * (c.impulse - c.previous_impulse).tail<2>().cwiseQuotient(a.cwiseAbs2());
     const double bound = c.friction * largest * normal, dissipation = a.cwiseProduct(w.tail<2>()).norm();
     speed = std::max({speed, (J * start + c.bias).norm(), inverse_mass * c.impulse.norm()});
     worst = std::max({worst, -inverse_mass * normal, -w[0], std::min(inverse_mass * normal, std::abs(w[0])),
@@ -58,8 +59,8 @@ Incline SlideDown(double slope, double azimuth, double friction, const Vector2& 
     p.velocity.tail<3>() += kStep * kGravity * (down - std::cos(slope) * Vector3::UnitZ());
     EXPECT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged);
     for (ContactConstraint& c : p.contacts) {
-      c.held = c.impulse;
-      c.held_use = c.use;
+      c.previous_impulse = c.impulse;
+      c.previous_utilization = c.utilization;
     }
   }
   return {frame.bottomRows<2>() * p.velocity.tail<3>(), p.velocity.head<3>().norm()};

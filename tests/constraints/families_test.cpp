@@ -22,12 +22,12 @@ TEST_P(Families, AreSolvedAndObeyTheLaw) {
   std::mt19937 random(11);
   ContactSolver solver;
   ContactSolverOptions options;
-  options.most_give = 1;  // as given: impacts are made no harder
+  options.max_relative_regularization = 1;  // as given: impacts are made no harder
   int unsolved = 0;
   for (int i = 0; i < count; ++i) {
     Problem p = testing::DrawFamily(random, family);
     testing::GiveDefaultMaterial(p);
-    for (ContactConstraint& c : p.contacts) c.give = std::numeric_limits<double>::infinity();
+    for (ContactConstraint& c : p.contacts) c.max_penetration_speed = std::numeric_limits<double>::infinity();
     const VectorX start = p.velocity;
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options);
     ASSERT_TRUE(p.velocity.allFinite()) << i;
@@ -43,7 +43,7 @@ TEST_P(Families, AreSolvedAndObeyTheLaw) {
 }
 
 // From the impulses of a problem that was a little another one, as those of the last step are: few points are
-// on another piece then, and are solved by themselves.
+// on another mode then, and are solved by themselves.
 TEST_P(Families, TakeFewFactorsWarm) {
   std::mt19937 random(12);
   ContactSolver solver;

@@ -211,7 +211,7 @@ TEST(Contact, FingersOfAnyNumberOfFreedoms) {
       }
       const VectorX start = p.velocity;
       ContactSolverOptions as_given;
-      as_given.most_give = 1;
+      as_given.max_relative_regularization = 1;
       ContactSolver solver;
       ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, as_given).converged);
       // The solver ends at 1e-10 of what contact changes, weighed by inertia.

@@ -1,4 +1,4 @@
-// The same law by another road: projected Gauss-Seidel on the dense operator, row by row, with what the
+// The same law by another method: projected Gauss-Seidel on the dense operator, row by row, with what the
 // material gives on the diagonal. Slow and plain; shares no code with the solver.
 #pragma once
 
@@ -37,7 +37,7 @@ inline SweepResult SweepPlainly(const Problem& p, double tolerance, int max_swee
       out.velocity += K[i].col(0) * (l[0] - before[0]);
       const double stiff = own.tail<2>().sum() + c.compliance_tangent;
       const Vector2 slip = J[i].bottomRows(2) * out.velocity + c.bias.tail<2>() +
-                           c.compliance_tangent * (l.tail<2>() - c.held.tail<2>());
+                           c.compliance_tangent * (l.tail<2>() - c.previous_impulse.tail<2>());
       Vector2 t = l.tail<2>() - slip / stiff;
       const double bound = c.friction * l[0];
       if (t.norm() > bound) t *= bound / t.norm();
@@ -49,7 +49,7 @@ inline SweepResult SweepPlainly(const Problem& p, double tolerance, int max_swee
     for (std::size_t i = 0; i < p.limits.size(); ++i) {
       const LimitConstraint& c = p.limits[i];
       const double before = limits[i], own = W(c.row, c.row) + c.compliance;
-      const double u = c.sign * out.velocity[c.row] + c.bias + c.compliance * (before - c.held);
+      const double u = c.sign * out.velocity[c.row] + c.bias + c.compliance * (before - c.previous_impulse);
       limits[i] = std::min(std::max(before - u / own, c.lower), c.upper);
       out.velocity += W.col(c.row) * (c.sign * (limits[i] - before));
       change = std::max(change, (W.col(c.row) * (limits[i] - before)).cwiseAbs().maxCoeff());

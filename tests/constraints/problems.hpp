@@ -83,7 +83,7 @@ constexpr double kStep = 1.0 / 60, kGravity = 9.81;
 /// The compliance of the problem, not reduced for the sake of impacts.
 inline ContactSolverOptions AsGiven() {
   ContactSolverOptions options;
-  options.most_give = 1;
+  options.max_relative_regularization = 1;
   return options;
 }
 
@@ -152,7 +152,7 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
     const double D = (J * W * J.transpose()).trace() / 3;
     Vector3 u = J * v_end + c.bias;  // beside what the material gives
     u[0] += c.compliance_normal * c.impulse[0];
-    u.tail<2>() += c.compliance_tangent * (c.impulse - c.held).tail<2>();
+    u.tail<2>() += c.compliance_tangent * (c.impulse - c.previous_impulse).tail<2>();
     speed = std::max({speed, (J * v_start + c.bias).norm(), D * c.impulse.norm()});
     const double n = c.impulse[0], t = c.impulse.tail<2>().norm(), ut = u.tail<2>().norm();
     worst = std::max({worst, -D * n, -u[0], std::min(D * n, std::abs(u[0]))});
@@ -167,7 +167,7 @@ inline double LawViolation(const Problem& p, const VectorX& v_start, const Vecto
   for (const LimitConstraint& l : p.limits) {
     impulse_response -= W.col(l.row) * (l.sign * l.impulse);
     const double D = W(l.row, l.row),
-                 u = l.sign * v_end[l.row] + l.bias + l.compliance * (l.impulse - l.held);
+                 u = l.sign * v_end[l.row] + l.bias + l.compliance * (l.impulse - l.previous_impulse);
     speed = std::max({speed, std::abs(l.sign * v_start[l.row] + l.bias), D * std::abs(l.impulse)});
     // Between its bounds it lets nothing by; what goes forth it gives least against, and what goes back all it has.
     worst = std::max({worst, D * (l.lower - l.impulse), D * (l.impulse - l.upper),

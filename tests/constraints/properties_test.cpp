@@ -49,7 +49,7 @@ TEST(ContactProperties, CoulombLawHolds) {
     Problem p = Draw(random, trial);
     const VectorX start = p.velocity;
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
-    helped += report.stage > 0;
+    helped += report.fallback > 0;
     ASSERT_TRUE(p.velocity.allFinite()) << trial;
     if (!report.converged) {
       ++failures;
@@ -92,7 +92,7 @@ TEST(ContactProperties, MomentsFromNearbyAreThoseFromNothing) {
   EXPECT_GT(few, 100);
 }
 
-// A second road to the same law, where its answer is unique.
+// A second method to the same law, where its answer is unique.
 TEST(ContactProperties, PlainSweepsAgree) {
   std::mt19937 random(2);
   ContactSolver solver;
@@ -167,7 +167,7 @@ TEST(ContactProperties, DryFrictionOfManyJointsTakesFewIterations) {
     }
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
     EXPECT_TRUE(report.converged) << trial << ": " << report.residual;
-    EXPECT_EQ(report.stage, 0) << trial;
+    EXPECT_EQ(report.fallback, 0) << trial;
     EXPECT_LE(report.newton_iterations, 12) << trial;
   }
 }
@@ -180,7 +180,7 @@ TEST(ContactProperties, WaitingChangesNoAnswer) {
   std::bernoulli_distribution waits(0.7);
   ContactSolver solver;
   ContactSolverOptions options;
-  options.most_give = 1;
+  options.max_relative_regularization = 1;
   int closed = 0;
   for (int trial = 0; trial < 200; ++trial) {
     Problem p = RandomProblem(random, 4, 0, 3, 0.3);
@@ -190,13 +190,13 @@ TEST(ContactProperties, WaitingChangesNoAnswer) {
     q.Finish();
     q.velocity = p.velocity;
     q.contacts = p.contacts;
-    for (ContactConstraint& c : q.contacts) c.waits = waits(random);
+    for (ContactConstraint& c : q.contacts) c.may_be_deferred = waits(random);
     ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options).converged);
     ASSERT_TRUE(solver.Solve(q.blocks, q.contacts, q.limits, q.velocity, options).converged);
     EXPECT_LT((p.velocity - q.velocity).norm(), 1e-7 * (1 + p.velocity.norm())) << trial;
     for (std::size_t k = 0; k < q.contacts.size(); ++k) {
       EXPECT_LT((p.contacts[k].impulse - q.contacts[k].impulse).norm(), 1e-6) << trial;
-      closed += q.contacts[k].waits && q.contacts[k].impulse[0] > 0;
+      closed += q.contacts[k].may_be_deferred && q.contacts[k].impulse[0] > 0;
     }
   }
   EXPECT_GT(closed, 200);  // waiting was wrong that often
@@ -211,7 +211,7 @@ TEST(ContactProperties, WaitingKeepsNoOldImpulse) {
     const VectorX start = p.velocity;
     ContactSolver solver;
     solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven());
-    for (ContactConstraint& c : p.contacts) c.waits = true;
+    for (ContactConstraint& c : p.contacts) c.may_be_deferred = true;
     const VectorX other = -start;  // what closed parts
     p.velocity = other;
     if (!solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, AsGiven()).converged) continue;
@@ -234,7 +234,7 @@ TEST(ContactProperties, OrderDoesNotMatter) {
   ContactSolver solver;
   ContactSolverOptions options;
   options.tolerance = 1e-10;
-  options.most_give = 1;
+  options.max_relative_regularization = 1;
   for (int trial = 0; trial < 200; ++trial) {
     Problem p = RandomProblem(random, 4, 0, 3, 0.3);
     Problem q;
@@ -268,7 +268,7 @@ TEST(ContactProperties, WarmStartAtSteadyState) {
     slow += again.newton_iterations > 2 ? 1 : 0;
     EXPECT_LT(testing::LawViolation(p, start, p.velocity), 1e-4) << trial;
   }
-  EXPECT_LE(slow, 3);  // on the edge of a cone two pieces may take turns
+  EXPECT_LE(slow, 3);  // on the edge of a cone two modes may take turns
   // A box at rest: the answer of the step before is the answer.
   Problem p = testing::BoxOnPlane(1, 0.5);
   const VectorX start = p.velocity;

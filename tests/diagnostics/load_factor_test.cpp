@@ -56,7 +56,7 @@ double TurnAfterPush(double share, double& factor) {
   return testing::Turn(world.free_bodies()[0].pose());
 }
 
-// The second road: the same grasp in motion, 5 % below and 5 % above.
+// The second method: the same grasp in motion, 5 % below and 5 % above.
 TEST(Ejection, BeginsAtTheCriticalForce) {
   double factor = 0;
   EXPECT_LT(TurnAfterPush(0.95, factor), 0.001);

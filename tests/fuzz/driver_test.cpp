@@ -76,7 +76,7 @@ TEST_P(Fuzzed, CorpusAndChangesOfIt) {
 }
 
 std::vector<Registered> SortedTargets() {
-  LeaveHdf5AsItIsAtExit();
+  DisableHdf5Cleanup();
   std::vector<Registered> targets = Targets();
   std::sort(targets.begin(), targets.end(),
             [](const Registered& a, const Registered& b) { return std::string_view(a.name) < b.name; });

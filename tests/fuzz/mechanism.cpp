@@ -268,7 +268,7 @@ class MechanismSource {
   }
 
   // A length over freedoms, or now and then that of a path through space.
-  void Along(std::vector<std::pair<FreedomRef, double>>& terms, PathUse& along) {
+  void Along(std::vector<std::pair<FreedomRef, double>>& terms, PathRef& along) {
     if (in_.Below(4)) {
       terms = Terms();
       return;

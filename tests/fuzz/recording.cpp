@@ -1,6 +1,6 @@
 // Recordings whose checksums are right and whose content is not. An input is a list of changes to a recording
 // of a small scene with a mesh and a height field: values and lengths of its arrays, its description of the
-// scene, its options, its links. They are applied, checksums are computed anew, bytes of the file may be
+// scene, its options, its links. They are applied, checksums are computed again, bytes of the file may be
 // changed on top, and the file is read, looked at from every side, replayed and exported. Bytes changed at
 // random alone would all be caught by the checksums.
 #include <fork1s/importer/importer.hpp>

@@ -103,7 +103,7 @@ TEST_F(GpuPoses, OfOtherModelsOfTheSameBodies) {
   fidelity.level = DetailLevel::kObject;
   const auto held = simulation.SetFidelity(fidelity);
   ASSERT_TRUE(held) << held.error().Text();
-  ASSERT_FALSE(simulation.holds().empty());
+  ASSERT_FALSE(simulation.frozen_grasps().empty());
   EXPECT_FALSE(free.IsOf(simulation));
   for (int i = 0; i < 10; ++i) simulation.Step();
   ExpectClose(Difference(Recovered(simulation), Truth(simulation)), 1e-6, 2e-6);

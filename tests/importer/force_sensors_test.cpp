@@ -1,8 +1,8 @@
 // Sensors of accelerations and forces against closed forms and, at rest, MuJoCo.
 #include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/linearize.hpp>
+#include <fork1s/sim/scene_factors.hpp>
 #include <fork1s/sim/sensors.hpp>
-#include <fork1s/sim/vary.hpp>
 
 #include "helpers.hpp"
 

@@ -213,7 +213,7 @@ TEST(ImportTendons, HigherTermsOfABallAreListed) {
                       "higher terms of the spring or damper of joint 'ball'"));
 }
 
-// A tendon within a robot that floats does not hear where the robot is.
+// A tendon within a robot that floats does not depend on where the robot is.
 TEST(ImportTendons, TendonWithinAFloatingRobot_DependsOnItsJointsAlone) {
   const std::string text = R"(<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/>
     <geom size=".1"/><site name="s" pos=".1 0 .05"/><body name="leg" pos=".1 0 0"><joint name="hip" axis="0 1 0"/>

@@ -87,7 +87,7 @@ TEST(ImportTransmissions, LengthsAndArmsAreMujocosAtAnyPose) {
   EXPECT_EQ(without, (std::vector<std::string>{"jet", "from_below", "from_aside", "turn", "over_there"}));
 }
 
-// A force between two parts of a robot that floats does not hear where the robot is.
+// A force between two parts of a robot that floats does not depend on where the robot is.
 TEST(ImportTransmissions, ForceWithinAFloatingRobot_DependsOnItsJointsAlone) {
   const std::string text = R"(<mujoco><worldbody><body name="base" pos="0 0 1"><freejoint/><geom size=".1"/>
     <site name="hip" pos=".1 0 .05" euler="10 20 0"/><body name="leg" pos=".1 0 0"><joint name="knee" axis="0 1 0"/>

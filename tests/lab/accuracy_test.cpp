@@ -83,7 +83,7 @@ TEST(Accuracy, FourBarNeedsItsLoopClosed) {
   EXPECT_LT(p.loop_gap_mm[1], 1e-3);  // claimed: 1e-3 % of a link of 0.1 m
 }
 
-// Two roads to the reduced model's rest: the curve's own equations, and steps until nothing moves.
+// Two methods to the reduced model's rest: the curve's own equations, and steps until nothing moves.
 TEST(Accuracy, SimulationComesToRestWhereTheCurveSaysSo) {
   for (const char* name : {"hand", "four-bar", "chain"}) {
     const StaticCase c = Case(name);

@@ -1,4 +1,4 @@
-// Every known answer of the validation page, by both roads.
+// Every known answer of the validation page, by both methods.
 #include <gtest/gtest.h>
 
 #include <lab/known_answers.hpp>
@@ -13,7 +13,7 @@ TEST_P(KnownAnswers, AreReached) {
   ASSERT_TRUE(rows) << rows.error().Text();
   ASSERT_FALSE(rows->empty());
   for (const KnownAnswer& row : *rows) {
-    EXPECT_TRUE(row.Holds()) << row.quantity << ", " << row.road << ": " << row.measured << " " << row.unit
+    EXPECT_TRUE(row.Holds()) << row.quantity << ", " << row.method << ": " << row.measured << " " << row.unit
                              << " instead of " << row.expected << " within " << row.tolerance << " ("
                              << row.why_tolerance << ")";
     EXPECT_FALSE(row.why_tolerance.empty()) << row.quantity;

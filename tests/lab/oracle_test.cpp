@@ -1,4 +1,4 @@
-// The oracle's cases by three roads, as on the validation page. The two largest take seconds and are left to
+// The oracle's cases by three methods, as on the validation page. The two largest take seconds and are left to
 // it.
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@ const char* const kFolder = FORK1S_SOURCE_DIR "/../shared/oracle/dev";
 
 class Oracle : public ::testing::TestWithParam<const char*> {};
 
-TEST_P(Oracle, IsReachedByEveryRoad) {
+TEST_P(Oracle, IsReachedByEveryMethod) {
   if (!std::filesystem::exists(std::string(kFolder) + "/" + GetParam() + ".json"))
     GTEST_SKIP() << "the oracle case " << GetParam() << " is not beside the sources (../shared/oracle/dev)";
   const auto rows = CompareWithOracle(kFolder, GetParam());
@@ -21,7 +21,7 @@ TEST_P(Oracle, IsReachedByEveryRoad) {
   for (const OracleRow& row : *rows) {
     SCOPED_TRACE(row.quantity);
     // Frequencies and matrices are rounding; what a step brings to rest stops at 1e-11 m of motions that are
-    // 1e-5 m in the smallest case, and the full road's compliances are differences over 3e-5.
+    // 1e-5 m in the smallest case, and the full method's compliances are differences over 3e-5.
     constexpr double kShare = 2e-6;
     for (const OracleDeviation* d : {&row.reduced, &row.full, &row.mujoco}) {
       EXPECT_LT(d->value.value_or(0), kShare);

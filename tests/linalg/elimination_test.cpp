@@ -22,7 +22,7 @@ TEST(Elimination, SolvesWhatClearRowsLeave) {
   for (int trial = 0; trial < 60; ++trial) {
     const int m = trial % 7, n = m + 1 + trial % 5;
     MatrixX A = RandomMatrix(m, n, engine), Z;
-    if (trial % 3 == 0)  // loops hear few coordinates
+    if (trial % 3 == 0)  // loops depend on few coordinates
       A = (RandomMatrix(m, n, engine).array() > 0.2).select(A, 0.0);
     if (!EliminatedNullSpace(A, Z)) continue;
     ++clear;

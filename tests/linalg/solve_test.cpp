@@ -128,7 +128,7 @@ TEST(Cholesky, ReadsNothingBetweenItsBlocks) {
   EXPECT_FALSE(factor.Compute(A));
 }
 
-// A base couples its legs, which hear nothing of each other: from the last to the first nothing else fills
+// A base couples its legs, which are independent of each other: from the last to the first nothing else fills
 // in.
 TEST(Cholesky, LegsStayApartFromTheLastToTheFirst) {
   std::mt19937 engine(7);

@@ -24,17 +24,17 @@ TEST(Bodies, ComplianceAndFrequencies) {
   for (unsigned seed = 0; seed < 400; ++seed) {
     Sketch s = RandomLinkage(seed);
     s = Scaled(WithRoot(s, RandomPose(seed, s.size)), 1 / s.size);
-    const Roads roads(s, {.seed = seed});
-    if (!roads.plain.well_posed) continue;
+    const Methods methods(s, {.seed = seed});
+    if (!methods.plain.well_posed) continue;
     SCOPED_TRACE(::testing::Message() << "seed " << seed << " " << s.family);
-    const FullSimulation full = InFullCoordinates(roads.linkage);
+    const FullSimulation full = InFullCoordinates(methods.linkage);
 
-    const MatrixX C = full.Compliance(0, roads.linkage.interfaces);
-    if (roads.plain.interface_free > 0) {
+    const MatrixX C = full.Compliance(0, methods.linkage.interfaces);
+    if (methods.plain.interface_free > 0) {
       EXPECT_EQ(C.size(), 0);
-    } else if (roads.plain.free == 0 && roads.plain.elastic > 0) {
-      const double floor = roads.plain.interface_rank > 0 ? 0 : 1e-4 * roads.plain.open_compliance;
-      const double difference = RelativeDifference(C, roads.plain.C, s.size, floor);
+    } else if (methods.plain.free == 0 && methods.plain.elastic > 0) {
+      const double floor = methods.plain.interface_rank > 0 ? 0 : 1e-4 * methods.plain.open_compliance;
+      const double difference = RelativeDifference(C, methods.plain.C, s.size, floor);
       worst = std::max(worst, difference);
       EXPECT_LT(difference, kSame);
       ++compared;
@@ -43,13 +43,14 @@ TEST(Bodies, ComplianceAndFrequencies) {
     // Squares of frequencies are right to 1e-15 of the largest times the conditioning of the loops: those
     // within 1e-2 of the largest to eight digits.
     const std::vector<double> found = full.Frequencies(0, 1000);
-    if (roads.frequencies.empty() || found.empty()) {
-      EXPECT_EQ(found.size(), roads.frequencies.size());
+    if (methods.frequencies.empty() || found.empty()) {
+      EXPECT_EQ(found.size(), methods.frequencies.size());
       continue;
     }
-    for (std::size_t i = 0; i < std::min(found.size(), roads.frequencies.size()); ++i) {
-      const double a = found[found.size() - 1 - i], b = roads.frequencies[roads.frequencies.size() - 1 - i];
-      if (b < 1e-2 * roads.frequencies.back()) break;
+    for (std::size_t i = 0; i < std::min(found.size(), methods.frequencies.size()); ++i) {
+      const double a = found[found.size() - 1 - i],
+                   b = methods.frequencies[methods.frequencies.size() - 1 - i];
+      if (b < 1e-2 * methods.frequencies.back()) break;
       EXPECT_NEAR(a, b, kSame * b) << i << " from the highest";
       ++vibrating;
     }

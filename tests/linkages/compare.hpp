@@ -1,7 +1,7 @@
-// Answers of the library beside those of the plain road.
+// Answers of the library beside those of the plain method.
 #pragma once
 
-#include "plain_road.hpp"
+#include "plain_method.hpp"
 #include "product.hpp"
 
 namespace fork1s::linkages {
@@ -26,11 +26,11 @@ inline Compared CompareWithPlain(const InterfaceCompliance& found, const PlainAn
   return c;
 }
 
-/// A linkage with all that the roads say of it.
-struct Roads {
-  explicit Roads(const Sketch& sketch, const Writing& writing = {})
+/// A linkage with all that the methods say of it.
+struct Methods {
+  explicit Methods(const Sketch& sketch, const Writing& writing = {})
       : linkage(Build(sketch, writing)),
-        plain(PlainRoad(*linkage.mechanism, linkage.interfaces, sketch.size)),
+        plain(PlainMethod(*linkage.mechanism, linkage.interfaces, sketch.size)),
         walk(Walk(linkage)),
         dense(Dense(linkage)),
         model(ReduceAtReference(linkage)),

@@ -12,7 +12,7 @@ namespace {
 constexpr unsigned kLinkages = 300;
 
 // What must not change, and the compliance in the world where it is compared.
-void ExpectSame(const Roads& a, const Roads& b, const MatrixX& to_a) {
+void ExpectSame(const Methods& a, const Methods& b, const MatrixX& to_a) {
   EXPECT_EQ(a.mobility(), b.mobility());
   EXPECT_EQ(a.plain.interface_rank, b.plain.interface_rank);
   EXPECT_EQ(a.walk.rank, b.walk.rank) << "walk";
@@ -28,11 +28,11 @@ void ExpectSame(const Roads& a, const Roads& b, const MatrixX& to_a) {
   EXPECT_EQ(a.frequencies.size(), b.frequencies.size());
   const MatrixX P = ProjectOff(a.plain.free_d, a.size);
   const double floor = a.plain.interface_rank > 0 ? 0 : 1e-4 * a.plain.open_compliance * a.size * a.size;
-  auto compare = [&](const InterfaceCompliance& x, const InterfaceCompliance& y, const char* road) {
+  auto compare = [&](const InterfaceCompliance& x, const InterfaceCompliance& y, const char* method) {
     const MatrixX there = to_a * y.C * to_a.transpose();
     EXPECT_LT(RelativeDifference(P * there * P.transpose(), P * x.C * P.transpose(), a.size, floor), kSame)
-        << road;
-    EXPECT_LT(SpanDistance(to_a * y.free, x.free, a.size), kSame) << road;
+        << method;
+    EXPECT_LT(SpanDistance(to_a * y.free, x.free, a.size), kSame) << method;
   };
   compare(a.walk, b.walk, "walk");
   compare(a.dense, b.dense, "dense");
@@ -51,7 +51,7 @@ void ForLinkages(const Vary& vary) {
   int compared = 0;
   for (unsigned seed = 0; seed < kLinkages; ++seed) {
     const Sketch s = RandomLinkage(seed);
-    const Roads reference(s, {.keep_order = true});
+    const Methods reference(s, {.keep_order = true});
     if (!reference.plain.well_posed) continue;
     SCOPED_TRACE(::testing::Message() << "seed " << seed << " " << s.family);
     ++compared;
@@ -61,15 +61,15 @@ void ForLinkages(const Vary& vary) {
 }
 
 TEST(LinkageInvariance, SpanningTreeAndOrderOfBodiesAndJoints) {
-  ForLinkages([](unsigned seed, const Sketch& s, const Roads& reference) {
+  ForLinkages([](unsigned seed, const Sketch& s, const Methods& reference) {
     const MatrixX same = Change(s.interfaces.size(), Matrix3::Identity(), 1);
-    for (unsigned k = 1; k < 4; ++k) ExpectSame(reference, Roads(s, {.seed = 1000 * k + seed}), same);
+    for (unsigned k = 1; k < 4; ++k) ExpectSame(reference, Methods(s, {.seed = 1000 * k + seed}), same);
   });
 }
 
 TEST(LinkageInvariance, Names) {
-  ForLinkages([](unsigned, const Sketch& s, const Roads& reference) {
-    const Roads other(s, {.other_names = true, .keep_order = true});
+  ForLinkages([](unsigned, const Sketch& s, const Methods& reference) {
+    const Methods other(s, {.other_names = true, .keep_order = true});
     ExpectSame(reference, other, Change(s.interfaces.size(), Matrix3::Identity(), 1));
     if (!reference.model && !other.model) {
       EXPECT_EQ(JointOf(reference.model.error()).substr(1), JointOf(other.model.error()).substr(4));
@@ -78,27 +78,27 @@ TEST(LinkageInvariance, Names) {
 }
 
 TEST(LinkageInvariance, UnitOfLength) {
-  ForLinkages([](unsigned, const Sketch& s, const Roads& reference) {
+  ForLinkages([](unsigned, const Sketch& s, const Methods& reference) {
     for (const double unit : {1e3, 1e-3}) {
-      const Roads other(Scaled(s, unit), {.keep_order = true});
+      const Methods other(Scaled(s, unit), {.keep_order = true});
       ExpectSame(reference, other, Change(s.interfaces.size(), Matrix3::Identity(), 1 / unit));
     }
   });
 }
 
 TEST(LinkageInvariance, FrameOfTheBase) {
-  ForLinkages([](unsigned seed, const Sketch& s, const Roads& reference) {
+  ForLinkages([](unsigned seed, const Sketch& s, const Methods& reference) {
     const Sketch moved = WithRoot(s, RandomPose(seed, s.size * (seed % 2 ? 1 : 30)));
-    ExpectSame(reference, Roads(moved, {.keep_order = true}),
+    ExpectSame(reference, Methods(moved, {.keep_order = true}),
                Change(s.interfaces.size(), Matrix3::Identity(), 1));
   });
 }
 
 TEST(LinkageInvariance, PlaceInTheWorld) {
-  ForLinkages([](unsigned seed, const Sketch& s, const Roads& reference) {
+  ForLinkages([](unsigned seed, const Sketch& s, const Methods& reference) {
     const RigidTransform X = RandomPose(seed, 100 * s.size);
     const Sketch moved = Moved(s, X * s.X_WS);
-    ExpectSame(reference, Roads(moved, {.keep_order = true}),
+    ExpectSame(reference, Methods(moved, {.keep_order = true}),
                Change(s.interfaces.size(), X.rotation().transpose(), 1));
   });
 }

@@ -5,8 +5,8 @@
 #include <functional>
 #include <initializer_list>
 
+#include "methods_expected.hpp"
 #include "random_linkage.hpp"
-#include "roads_expected.hpp"
 
 namespace fork1s::linkages {
 namespace {
@@ -112,7 +112,7 @@ TEST(FiveBar, BothGroundSpringsAreFelt) {
   const FiveBar bar;
   const MatrixX J = bar.Columns();
   const MatrixX C = J * Vector2(1 / bar.k_1, 1 / bar.k_2).asDiagonal() * J.transpose();
-  const Roads r(bar.Draw(), {.keep_order = true});
+  const Methods r(bar.Draw(), {.keep_order = true});
   EXPECT_LT(RelativeDifference(r.plain.C, C, bar.E.x(), 0), 1e-10);
   EXPECT_LT(RelativeDifference(r.walk.C, C, bar.E.x(), 0), 1e-10);
   EXPECT_LT(RelativeDifference(r.dense.C, C, bar.E.x(), 0), 1e-10);
@@ -121,7 +121,7 @@ TEST(FiveBar, BothGroundSpringsAreFelt) {
 TEST(FiveBar, HasTwoElasticMotionsHoweverItIsWritten) {
   for (const PairKind last : {PairKind::kHinge, PairKind::kBall})
     ForPlanarVariations(FiveBar().Draw(last), [](const Sketch& s, const Writing& w) {
-      ExpectRoads(Roads(s, w), {.mobility = 2, .interface_rank = 2});
+      ExpectMethods(Methods(s, w), {.mobility = 2, .interface_rank = 2});
     });
 }
 
@@ -140,8 +140,8 @@ TEST(FiveBar, OfAnyShapeHasTwoElasticMotions) {
     for (const double angle : {0.0, 0.7}) {
       const Sketch turned =
           WithRoot(s, RigidTransform(ExpRotation(Vector3(0.5 * angle, 0, angle)), Vector3::Zero()));
-      ExpectRoads(Roads(turned, {.keep_order = true}), {.mobility = 2, .interface_rank = 2});
-      ExpectRoads(Roads(turned, {.seed = seed}), {.mobility = 2, .interface_rank = 2});
+      ExpectMethods(Methods(turned, {.keep_order = true}), {.mobility = 2, .interface_rank = 2});
+      ExpectMethods(Methods(turned, {.seed = seed}), {.mobility = 2, .interface_rank = 2});
     }
   }
 }
@@ -165,10 +165,10 @@ TEST(FourBar, IsOneMotionHoweverItIsClosed) {
     const int coupler = AddFourBar(s, 0, {0, 0}, {0, 0.1}, {0.15, 0.15}, {0.2, 0}, 2, 0.5, last);
     s.interfaces = {coupler};
     s.size = 0.15;
-    const double first = Roads(s, {.keep_order = true}).frequencies.at(0);
+    const double first = Methods(s, {.keep_order = true}).frequencies.at(0);
     ForPlanarVariations(s, [&](const Sketch& sketch, const Writing& w) {
-      const Roads r(sketch, w);
-      ExpectRoads(r, {.mobility = 1, .interface_rank = 1});
+      const Methods r(sketch, w);
+      ExpectMethods(r, {.mobility = 1, .interface_rank = 1});
       // A turning spring knows no lengths, inertia grows with their square.
       ASSERT_EQ(r.frequencies.size(), 1u);
       EXPECT_NEAR(r.frequencies[0] * sketch.size / s.size, first, 1e-9 * first);
@@ -184,7 +184,7 @@ TEST(FourBar, TwoInSeriesAddTheirCompliances) {
     s.interfaces = {second, first};
     s.size = 0.15;
     ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
-      ExpectRoads(Roads(sketch, w), {.mobility = 2, .interface_rank = 2});
+      ExpectMethods(Methods(sketch, w), {.mobility = 2, .interface_rank = 2});
     });
   }
 }
@@ -199,7 +199,7 @@ TEST(SlideAndTwoHinges, OneSpringDecidesOneMotion) {
   s.interfaces = {1, 3};
   s.size = 0.1;
   ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
-    ExpectRoads(Roads(sketch, w), {.mobility = 1, .interface_rank = 1});
+    ExpectMethods(Methods(sketch, w), {.mobility = 1, .interface_rank = 1});
   });
 }
 
@@ -214,9 +214,9 @@ TEST(LockedSprings, HaveNoFrequency) {
       s.interfaces = {2};
       s.size = 0.15;
       ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
-        const Roads r(sketch, w);
+        const Methods r(sketch, w);
         EXPECT_EQ(r.frequencies.size(), 0u);
-        ExpectRoads(r, {});
+        ExpectMethods(r, {});
       });
     }
 }
@@ -233,9 +233,9 @@ TEST(LockedSprings, BehindTwoPointsOnTwoBodies) {
   s.size = 0.15;
   // The whole turns about the first hinge, and the interface with it; the slide is held.
   ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
-    const Roads r(sketch, w);
+    const Methods r(sketch, w);
     EXPECT_EQ(r.frequencies.size(), 0u);
-    ExpectRoads(r, {.mobility = 1, .interface_free = 1});
+    ExpectMethods(r, {.mobility = 1, .interface_free = 1});
   });
 }
 
@@ -249,9 +249,9 @@ TEST(LockedSprings, BesideAFreeInterface) {
   s.interfaces = {3};
   s.size = 0.1;
   ForPlanarVariations(s, [](const Sketch& sketch, const Writing& w) {
-    const Roads r(sketch, w);
+    const Methods r(sketch, w);
     EXPECT_EQ(r.frequencies.size(), 0u);
-    ExpectRoads(r, {.mobility = 1, .interface_free = 1});
+    ExpectMethods(r, {.mobility = 1, .interface_free = 1});
   });
 }
 

@@ -5,8 +5,8 @@
 #include <functional>
 #include <string>
 
+#include "methods_expected.hpp"
 #include "random_linkage.hpp"
-#include "roads_expected.hpp"
 
 namespace fork1s::linkages {
 namespace {
@@ -49,8 +49,8 @@ struct Steering {
 
 TEST(TieRod, SpinsUnseenAndIsRefusedByName) {
   ForSpatialVariations(Steering::Draw(), [](const Sketch& s, const Writing& w) {
-    const Roads r(s, w);
-    ExpectRoads(r, {.mobility = 2, .interface_rank = 1, .hidden = 1});
+    const Methods r(s, w);
+    ExpectMethods(r, {.mobility = 2, .interface_rank = 1, .hidden = 1});
     ASSERT_FALSE(r.model);
     // The rod's own balls are the only joints that turn; one of them may be the closure.
     const std::string joint = JointOf(r.model.error());
@@ -62,13 +62,13 @@ TEST(TieRod, IsSeenWhereItIsAnInterface) {
   Sketch s = Steering::Draw();
   s.interfaces = {Steering::kRod, Steering::kUpright};
   ForSpatialVariations(s, [](const Sketch& sketch, const Writing& w) {
-    ExpectRoads(Roads(sketch, w), {.mobility = 2, .interface_rank = 1, .interface_free = 1});
+    ExpectMethods(Methods(sketch, w), {.mobility = 2, .interface_rank = 1, .interface_free = 1});
   });
 }
 
 TEST(TieRod, IsHeldByASpringInItsBall) {
   ForSpatialVariations(Steering::Draw(0.3), [](const Sketch& s, const Writing& w) {
-    ExpectRoads(Roads(s, w), {.mobility = 2, .interface_rank = 1});
+    ExpectMethods(Methods(s, w), {.mobility = 2, .interface_rank = 1});
   });
 }
 
@@ -99,8 +99,8 @@ TEST(Bricard, OneMotionWhereTheCountGivesNone) {
           springs >> i & 1 ? 1 + 10 * i : 0;
     s.interfaces = {3};
     ForSpatialVariations(s, [](const Sketch& sketch, const Writing& w) {
-      const Roads r(sketch, w);
-      ExpectRoads(r, {.mobility = 1, .interface_rank = 1});
+      const Methods r(sketch, w);
+      ExpectMethods(r, {.mobility = 1, .interface_rank = 1});
       EXPECT_EQ(r.plain.loop_rank, 4);
     });
   }
@@ -112,14 +112,14 @@ TEST(Overconstrained, KeepTheirRanksInEveryFrame) {
   for (unsigned seed = 0; seed < 200; ++seed) {
     const Sketch s = RandomLinkage(seed);
     if (s.family != "bennett" && s.family != "sarrus" && s.family != "parallelogram") continue;
-    const Roads reference(s, {.keep_order = true});
+    const Methods reference(s, {.keep_order = true});
     if (!reference.plain.well_posed) continue;
     ++seen;
     SCOPED_TRACE(::testing::Message() << "seed " << seed << " " << s.family);
     const Counts counts{reference.mobility(), reference.plain.interface_rank, reference.plain.interface_free,
                         reference.plain.hidden()};
     Sketch turned = WithRoot(s, RandomPose(seed, s.size));
-    ExpectRoads(Roads(Moved(turned, RandomPose(seed + 1, 1)), {.seed = seed}), counts);
+    ExpectMethods(Methods(Moved(turned, RandomPose(seed + 1, 1)), {.seed = seed}), counts);
   }
   EXPECT_GT(seen, 30);
 }

@@ -98,7 +98,7 @@ TEST(Statics, SlopeIsTheCompliance) {
     s = WithSpringsAlike(Scaled(WithRoot(s, RandomPose(seed, s.size)), 1 / s.size), seed);
     s = WithSpringsOnJoints(std::move(s), {.seed = seed, .sprung_joints = true});
     const Written linkage = Build(s, {.seed = seed, .sprung_joints = true});
-    const PlainAnswer plain = PlainRoad(*linkage.mechanism, linkage.interfaces, s.size);
+    const PlainAnswer plain = PlainMethod(*linkage.mechanism, linkage.interfaces, s.size);
     // A free motion anywhere leaves the Newton steps without a unique answer.
     if (!plain.well_posed || plain.free > 0 || plain.interface_rank == 0 || plain.smallest_kept < 1e-2)
       continue;
@@ -137,7 +137,7 @@ TEST(Statics, ReferenceIsAnEquilibriumToRounding) {
   for (unsigned seed = 0; seed < 150; ++seed) {
     const Sketch s = RandomLinkage(seed);
     const Written linkage = Build(s, {.seed = seed});
-    const PlainAnswer plain = PlainRoad(*linkage.mechanism, linkage.interfaces, s.size);
+    const PlainAnswer plain = PlainMethod(*linkage.mechanism, linkage.interfaces, s.size);
     if (!plain.well_posed || plain.free > 0 || plain.elastic == 0) continue;
     ++tried;
     const StaticsResult result =

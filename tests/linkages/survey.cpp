@@ -21,7 +21,7 @@ Sample Take(unsigned seed) {
   const Sketch sketch = RandomLinkage(seed);
   const Written linkage = Build(sketch, {.seed = seed});
   const Mechanism& m = *linkage.mechanism;
-  const PlainAnswer plain = PlainRoad(m, linkage.interfaces, sketch.size);
+  const PlainAnswer plain = PlainMethod(m, linkage.interfaces, sketch.size);
 
   Sample s;
   s.seed = seed;

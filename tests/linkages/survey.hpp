@@ -1,4 +1,4 @@
-// One pass over many random linkages: what the plain road and the library say of each.
+// One pass over many random linkages: what the plain method and the library say of each.
 #pragma once
 
 #include <string>
@@ -16,7 +16,7 @@ struct Sample {
   int springs = 0;
   bool has_loops = false, overconstrained = false;
 
-  double walk = 0, dense = 0;  // against the plain road
+  double walk = 0, dense = 0;  // against the plain method
   int walk_rank = 0, dense_rank = 0;
   double walk_free = 0, dense_free = 0;  // distance of the spans of free directions
   double to_each_other = 0;              // as the library measures it

@@ -87,7 +87,7 @@ TEST(Survey, NineOfTenAreWellPosed) {
   EXPECT_GT(count, 0.9 * kSurveyed);
 }
 
-TEST(Survey, WalkIsThePlainRoad) {
+TEST(Survey, WalkIsThePlainMethod) {
   double walk = 0, dense = 0;
   for (const Sample& s : TheSurvey())
     if (s.well_posed) walk = std::max(walk, s.walk), dense = std::max(dense, s.dense);
@@ -97,7 +97,7 @@ TEST(Survey, WalkIsThePlainRoad) {
       [](const Sample& s) { return Text("off by", s.walk); });
 }
 
-TEST(Survey, DenseIsThePlainRoad) {
+TEST(Survey, DenseIsThePlainMethod) {
   ExpectOfEach(
       All, [](const Sample& s) { return s.dense < kSame; },
       [](const Sample& s) { return Text("off by", s.dense); });
@@ -141,7 +141,7 @@ TEST(Survey, OnlyHiddenMotionsAreRefused) {
                [](const Sample& s) { return s.refusal; });
 }
 
-TEST(Survey, ReducedModelHasTheRanksOfThePlainRoad) {
+TEST(Survey, ReducedModelHasTheRanksOfThePlainMethod) {
   ExpectOfEach([](const Sample& s) { return s.hidden() == 0 && !s.refused; },
                [](const Sample& s) { return s.model_loop_rank == s.loop_rank && s.model_free == s.free; },
                [](const Sample& s) { return Text("loop rank", s.model_loop_rank, "free", s.model_free); });
@@ -158,7 +158,7 @@ TEST(Survey, ReducedModelFeelsElasticMotionsOnly) {
 }
 
 TEST(Survey, OtherRanksAreDoubted) {
-  // Outside the well-posed, two roads may decide otherwise, but not silently.
+  // Outside the well-posed, two methods may decide otherwise, but not silently.
   int other = 0;
   for (const Sample& s : TheSurvey()) {
     const bool same =

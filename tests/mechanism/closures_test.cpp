@@ -56,13 +56,13 @@ TEST(Closures, HearTheCoordinatesBetweenTheirBodiesAlone) {
     ClosureJacobian(m, kinematics, q, A);
     Eigen::Index row = 0;
     for (const ClosureDef& closure : m.closures()) {
-      const std::vector<int> heard = ClosureCoordinates(m, closure);
+      const std::vector<int> coordinates = ClosureCoordinates(m, closure);
       std::vector<int> rigid;
       for (int k = 0; k < 6; ++k)
         if (closure.rigid(k)) rigid.push_back(k);
       // Numbers between must come out as 0.
       const auto rows = static_cast<Eigen::Index>(rigid.size()), stride = (rows + 3) / 4 * 4;
-      MatrixX columns = MatrixX::Constant(stride, static_cast<Eigen::Index>(heard.size()), 1e30);
+      MatrixX columns = MatrixX::Constant(stride, static_cast<Eigen::Index>(coordinates.size()), 1e30);
       ClosureRows(m, closure, kinematics, rigid.data(), static_cast<int>(rows), static_cast<int>(stride),
                   columns.data());
       EXPECT_TRUE(columns.bottomRows(stride - rows).isZero(0)) << seed;
@@ -70,11 +70,12 @@ TEST(Closures, HearTheCoordinatesBetweenTheirBodiesAlone) {
       const Matrix6X whole =
           BodyJacobian(m, kinematics, closure.body_b) - BodyJacobian(m, kinematics, closure.body_a);
       for (int i = 0; i < m.num_coordinates(); ++i)
-        EXPECT_EQ(std::count(heard.begin(), heard.end(), i), whole.col(i).isZero(0) ? 0 : 1) << seed;
+        EXPECT_EQ(std::count(coordinates.begin(), coordinates.end(), i), whole.col(i).isZero(0) ? 0 : 1)
+            << seed;
       for (Eigen::Index k = 0; k < rows; ++k) {
         VectorX expected = VectorX::Zero(m.num_coordinates());
-        for (std::size_t i = 0; i < heard.size(); ++i)
-          expected(heard[i]) = columns(k, static_cast<Eigen::Index>(i));
+        for (std::size_t i = 0; i < coordinates.size(); ++i)
+          expected(coordinates[i]) = columns(k, static_cast<Eigen::Index>(i));
         // Where only a point is held it comes without the frames' turns, by other sums of some ten terms.
         EXPECT_LE((A.row(row++).transpose() - expected).norm(), 1e-14 * (1 + expected.norm())) << seed;
       }

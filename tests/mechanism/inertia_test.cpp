@@ -12,7 +12,7 @@ namespace {
 constexpr double kInertiaRounding = 1e-12;
 
 Matrix6 BodyInertia(const Mechanism& m, const Kinematics& k, int b) {
-  // Ad⁻ᵀ I Ad⁻¹, another road than the one the library takes.
+  // Ad⁻ᵀ I Ad⁻¹, another method than the one the library takes.
   const Matrix6 Ad = Adjoint(k.X_RB[static_cast<std::size_t>(b)].inverse());
   return Ad.transpose() * m.body(BodyIndex(b)).inertia_B.Matrix() * Ad;
 }

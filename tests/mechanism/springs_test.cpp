@@ -6,7 +6,7 @@
 #include <tuple>
 
 #include "linalg/spectrum.hpp"
-#include "mechanism/one_unit.hpp"
+#include "mechanism/coordinate_scaling.hpp"
 
 namespace fork1s::mechanism_test {
 namespace {
@@ -99,8 +99,8 @@ TEST(StiffnessMatrix, IsTheSquareOfItsRowsInOneUnit) {
     const Mechanism m = RandomMechanism(seed, options);
     const VectorX q = RandomCoordinates(m, seed);
     const Kinematics k = At(m, q);
-    const OneUnit unit = ComputeOneUnit(m, k);
-    const SpringRows springs = SpringRowsInOneUnit(m, k, q, unit);
+    const CoordinateScaling unit = ComputeCoordinateScaling(m, k);
+    const SpringRows springs = ScaledSpringRows(m, k, q, unit);
     const MatrixX K = StiffnessMatrix(m, k, q), R = springs.weight.asDiagonal() * springs.rows *
                                                     unit.coordinate.cwiseInverse().asDiagonal();
     EXPECT_LE((R.transpose() * R - K).norm(), 1e-13 * K.norm());  // sums of outer products

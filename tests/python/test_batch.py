@@ -121,13 +121,13 @@ def test_reset_draws_anew_and_again_the_same(gripper):
     first, second = (fork1s.Batch(gripper, 4, seeds=[1, 2, 3, 2**64 - 1]) for _ in range(2))
     began = first.factors["mass"]
     first.reset([True, False, False, True])
-    anew = first.factors["mass"]
-    assert_array_equal(anew == began, [False, True, True, False])
+    again = first.factors["mass"]
+    assert_array_equal(again == began, [False, True, True, False])
     # What the others do meanwhile changes nothing.
     second.reset([True, True, False, False])
     second.step(steps=3)
     second.reset([False, True, True, True])
-    assert_array_equal(second.factors["mass"] == anew, [True, False, False, True])
+    assert_array_equal(second.factors["mass"] == again, [True, False, False, True])
     # A seed that is given draws its first.
     first.reset(seeds=[1, 2, 3, 2**64 - 1])
     assert_array_equal(first.factors["mass"], began)

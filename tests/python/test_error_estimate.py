@@ -143,7 +143,7 @@ def test_moment_without_figures_begins_anew():
     sim.step(30)
     sim.restore(plain.save())
     assert sim.error_estimate.bodies == {}
-    assert "began anew at a moment" in sim.error_estimate.warnings[0]
+    assert "began again at a moment" in sim.error_estimate.warnings[0]
     sim.step()
     motion = np.linalg.norm(sim.pose("tip")[:3, 3] - plain.pose("tip")[:3, 3])
     assert_allclose(sim.error_estimate.bodies["tip"].motion, motion, rtol=1e-12)
@@ -176,10 +176,10 @@ def test_other_detail_and_stiffness_keep_the_largest():
     sim.step()
     after = sim.error_estimate
     assert after.max == before.max and after.bodies["tip"].last < before.bodies["tip"].last
-    assert "the error estimate began anew where the detail changed" in after.warnings
+    assert "the error estimate began again where the detail changed" in after.warnings
     sim.set_stiffness({"shoulder": 4})
     sim.step()
-    assert "the error estimate began anew where stiffnesses changed" in sim.error_estimate.warnings
+    assert "the error estimate began again where stiffnesses changed" in sim.error_estimate.warnings
 
 
 def test_step_that_is_undone_is_left_out():

@@ -120,7 +120,7 @@ def test_the_error_estimate_of_a_copy_says_that_it_began_anew(gripper):
     sim = moved(gripper, error=True)
     assert sim.error_estimate.max > 0
     copied = again(sim)
-    assert any("began anew" in text for text in copied.error_estimate.warnings)
+    assert any("began again" in text for text in copied.error_estimate.warnings)
     copied.step(5)
     assert copied.error_estimate.max > 0
 

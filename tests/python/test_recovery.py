@@ -97,7 +97,7 @@ def test_a_reference_that_moves():
     assert causes["turned_joint"]["largest"] > 0.26 and causes["turned_joint"]["unit"] == "rad"
     assert causes["turned_joint"]["of"].startswith("joint '")
     assert report.refreshes > 0 and not buffers.current
-    with pytest.raises(fork1s.UsageError, match="make them anew"):
+    with pytest.raises(fork1s.UsageError, match="make them again"):
         buffers.frame()
-    anew = fork1s.RecoveryBuffers(sim)
-    assert anew.reference != buffers.reference and len(anew.frame()) == anew.tables[8]
+    again = fork1s.RecoveryBuffers(sim)
+    assert again.reference != buffers.reference and len(again.frame()) == again.tables[8]

@@ -25,7 +25,7 @@ TEST(OutputFile, TakesItsPlaceWhenKept) {
     ASSERT_TRUE(out) << out.error().Text();
     WriteBytes(out->part(), "text after");
     EXPECT_EQ(Bytes(folder / "out"), "text before");
-    ASSERT_TRUE(out->Keep());
+    ASSERT_TRUE(out->Commit());
     EXPECT_EQ(Bytes(folder / "out"), "text after");
   }
   EXPECT_EQ(Bytes(folder / "out"), "text after");
@@ -59,7 +59,7 @@ TEST(OutputFile, OneWriterAtATime) {
   Folder folder;
   auto first = OutputFile::Create(folder / "out", kPlain);
   ASSERT_TRUE(first);
-  ASSERT_TRUE(first->Keep());
+  ASSERT_TRUE(first->Commit());
   const auto second = OutputFile::Create(folder / "out", kPlain);
   ASSERT_FALSE(second);
   EXPECT_NE(second.error().message.find("another run"), std::string::npos) << second.error().message;
@@ -73,8 +73,8 @@ TEST(OutputFile, TwoThatBeginTogetherAreToldApart) {
        second = OutputFile::Create(folder / "out", kPlain);
   ASSERT_TRUE(first && second);
   WriteBytes(first->part(), "text of the first");
-  ASSERT_TRUE(first->Keep());
-  EXPECT_FALSE(second->Keep());
+  ASSERT_TRUE(first->Commit());
+  EXPECT_FALSE(second->Commit());
   EXPECT_EQ(Bytes(folder / "out"), "text of the first");
 }
 

@@ -91,7 +91,7 @@ class BitList {
   void Add(const PathDef& p) {
     Add(p.name), Add(p.elements), Add(static_cast<int>(p.kind)), Add(p.rod), Add(p.gear);
   }
-  void Add(const PathUse& u) { Add(u.path), Add(u.gear); }
+  void Add(const PathRef& u) { Add(u.path), Add(u.gear); }
   void Add(const SpringDef& s) {
     Add(s.name), Add(s.terms), Add(s.stiffness), Add(s.damping), Add(s.rest), Add(s.along), Add(s.slack);
     for (double higher :

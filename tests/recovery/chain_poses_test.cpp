@@ -156,7 +156,7 @@ ReducedModel CurvedModel(ReducedModel model) {
   return model;
 }
 
-// Loops in a plane and in space, several that hear nothing of each other, couplings, ball joints, slides.
+// Loops in a plane and in space, several that are independent of each other, couplings, ball joints, slides.
 std::vector<MechanismDef> LoopedMechanisms() {
   std::vector<MechanismDef> all = {testing::FourBar().Definition(), testing::CubicStewart(0.3, 1000)};
   testing::RandomMechanismOptions options;

@@ -17,7 +17,7 @@ ReducedModel Curved(ReducedModel model) {
   return model;
 }
 
-// Loops in a plane and in space, two that hear nothing of each other, couplings, slides, ball joints.
+// Loops in a plane and in space, two that are independent of each other, couplings, slides, ball joints.
 std::vector<MechanismDef> Looped() {
   std::vector<MechanismDef> all = {testing::FourBar().Definition(), testing::CubicStewart(0.3, 1000)};
   testing::RandomMechanismOptions options;
@@ -38,7 +38,7 @@ TEST(CurvedRecovery, IsExactToSecondOrder) {
     ASSERT_TRUE(curved.curvature.exists());
     RandomSource random(3);
     const VectorX z = random.Vector(exact.size(), 1);
-    // ½ N[z, z] by the other road: differences of the µ that close the loops exactly.
+    // ½ N[z, z] by the other method: differences of the µ that close the loops exactly.
     Configuration at(exact), by_curve(curved);
     at.closed = 1e-14;
     const ReducedState small = Deflected(exact, z, 1e-3);

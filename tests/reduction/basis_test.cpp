@@ -1,5 +1,5 @@
 // The coordinates of a reduced model, which elimination makes, against what orthogonal decompositions and
-// dense products give; and that taking a model anew gives the bits of making it.
+// dense products give; and that a relinearization gives the bits of a first reduction.
 #include <gtest/gtest.h>
 
 #include <fork1s/reduction/compliance.hpp>

@@ -110,7 +110,7 @@ TEST(Frequencies, FreeJointIsAFloatingBase) {
   }
 }
 
-// Generalized eigenvalues of dense M and K: the road that the library does not take.
+// Generalized eigenvalues of dense M and K: the method that the library does not take.
 std::vector<double> Dense(const Mechanism& m, std::size_t count) {
   const VectorX q = VectorX::Zero(m.num_coordinates());
   Kinematics kinematics(m);

@@ -249,7 +249,7 @@ TEST(ReduceErrors, ComplianceOfASpringFreeMotion) {
   const auto walk = WalkCompliance(*m, VectorX::Zero(3), tip),
              dense = DenseCompliance(*m, VectorX::Zero(3), tip);
   // The tip swings about the second joint, 0.2 m away; what it feels of the springs beside that is the same by
-  // both roads and does no work on the swing.
+  // both methods and does no work on the swing.
   ASSERT_EQ(walk.free.cols(), 1);
   ASSERT_EQ(dense.free.cols(), 1);
   EXPECT_NEAR(std::abs(walk.free(4, 0) / walk.free(2, 0)), 0.2, 1e-12);

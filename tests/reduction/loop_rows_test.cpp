@@ -1,4 +1,4 @@
-// Rows of loops by closure against the dense Jacobian, and what hears what.
+// Rows of loops by closure against the dense Jacobian, and what depends on what.
 #include <gtest/gtest.h>
 #include <fork1s/reduction/reduced_model.hpp>
 #include <mechanisms.hpp>
@@ -116,7 +116,7 @@ TEST(LoopRows, AreThoseOfTheDenseJacobian) {
 
 TEST(LoopRows, WhatIsSingularGivesNoNumbers) {
   const Mechanism m = testing::BuildOrThrow(FourBars(1));
-  // The row across the plane of a four-bar hears nothing.
+  // The row across the plane of a four-bar depends on nothing.
   const LoopRows rows(m, {0, 1, 2});
   Kinematics kinematics(m);
   const VectorX q = VectorX::Zero(3);

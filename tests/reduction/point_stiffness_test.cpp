@@ -148,7 +148,7 @@ TEST(PointStiffness, AFreeWheelHasNoneAcrossItsSpokesAndThatOfTheStrutAlongItsAx
   }
 }
 
-// Without load both roads have the same, of trees and of loops.
+// Without load both methods have the same, of trees and of loops.
 TEST(PointStiffness, SpringsAndTangentAgreeWithoutLoad) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> any(-0.2, 0.2);

@@ -63,7 +63,7 @@ TEST(ComplianceProperties, WalkIsDenseOnLoops) {
   EXPECT_GT(compared, static_cast<int>(kMechanisms) / 2);
 }
 
-// The gradient by stiffness against the compliance itself, by the other road, at two stiffnesses.
+// The gradient by stiffness against the compliance itself, by the other method, at two stiffnesses.
 TEST(ComplianceProperties, GradientIsThatOfTheWalk) {
   int sprung = 0;
   for (unsigned seed = 0; seed < kMechanisms; ++seed) {

@@ -161,7 +161,7 @@ TEST(ContactCompliance, AgreesWithReducedSimulator) {
     const ContactCompliance compliance = ComputeContactCompliance(mine, h);
     EXPECT_NEAR(compliance.normal / c.compliance_normal, 1, 1e-14);
     EXPECT_NEAR(compliance.tangent / c.compliance_tangent, 1, 1e-14);
-    EXPECT_NEAR(compliance.max_penetration_speed / c.give, 1, 1e-14);
+    EXPECT_NEAR(compliance.max_penetration_speed / c.max_penetration_speed, 1, 1e-14);
     EXPECT_NEAR(ComputeGapBias(mine, gap, h) / c.bias[0], 1, 1e-14);
     EXPECT_NEAR(ComputeGapBias(mine, gap, h) / StopBias(other, gap, h), 1, 1e-14);
   }
@@ -171,7 +171,8 @@ TEST(ContactCompliance, AgreesWithReducedSimulator) {
   EXPECT_EQ(FullContactMaterial{}.relaxation_steps, ContactMaterial{}.relaxation_steps);
   EXPECT_EQ(FullContactMaterial{}.max_push_speed, ContactMaterial{}.max_push_speed);
   EXPECT_EQ(FullContactOptions{}.tolerance, ContactSolverOptions{}.tolerance);
-  EXPECT_EQ(FullContactOptions{}.max_relative_regularization, ContactSolverOptions{}.most_give);
+  EXPECT_EQ(FullContactOptions{}.max_relative_regularization,
+            ContactSolverOptions{}.max_relative_regularization);
 }
 
 TEST(PointBlock, SolvesTheLawForAnyOperator) {

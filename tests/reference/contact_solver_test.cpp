@@ -38,10 +38,10 @@ Constraints ConstraintsOf(const Problem& p) {
     point.rolling = c.rolling;
     point.compliance_normal = c.compliance_normal;
     point.compliance_tangent = c.compliance_tangent;
-    point.max_penetration_speed = c.give;
-    point.previous_impulse = c.held;
-    point.previous_moment = c.held_moment;
-    point.previous_utilization = c.held_use;
+    point.max_penetration_speed = c.max_penetration_speed;
+    point.previous_impulse = c.previous_impulse;
+    point.previous_moment = c.previous_moment;
+    point.previous_utilization = c.previous_utilization;
   }
   for (const LimitConstraint& l : p.limits) {
     BoundConstraint& bound = out.bounds.emplace_back();
@@ -50,7 +50,7 @@ Constraints ConstraintsOf(const Problem& p) {
     bound.bias = l.bias;
     bound.lower = l.lower;
     bound.upper = l.upper;
-    bound.previous_impulse = l.held;
+    bound.previous_impulse = l.previous_impulse;
   }
   return out;
 }
@@ -78,7 +78,7 @@ void AddMomentsAndBounds(std::mt19937& random, Problem& p) {
     if (row % 3 == 0) {
       bound.upper = testing::Uniform(random, 0, 0.1);
       bound.lower = -bound.upper;
-      bound.held = testing::Uniform(random, bound.lower, bound.upper);
+      bound.previous_impulse = testing::Uniform(random, bound.lower, bound.upper);
     } else {
       bound.bias = testing::Uniform(random, -0.1, 0.1);
     }
@@ -92,12 +92,12 @@ void AddMemory(std::mt19937& random, Problem& p) {
     const MatrixX J = p.RowsOf(c);
     const double normal = testing::Uniform(random, -0.02, 0.1) * 3 / (J * W * J.transpose()).trace();
     if (normal <= 0) continue;
-    c.held_use = testing::Uniform(random, 0, 1);
-    const double angle = testing::Uniform(random, 0, 6), size = c.held_use * c.friction * normal;
-    c.held = Vector3(normal, size * std::cos(angle), size * std::sin(angle));
+    c.previous_utilization = testing::Uniform(random, 0, 1);
+    const double angle = testing::Uniform(random, 0, 6), size = c.previous_utilization * c.friction * normal;
+    c.previous_impulse = Vector3(normal, size * std::cos(angle), size * std::sin(angle));
     for (int k = 0; k < 3; ++k) {
       const double bound = (k == 0 ? c.torsion : c.rolling) * normal;
-      c.held_moment[k] = testing::Uniform(random, -bound, bound);
+      c.previous_moment[k] = testing::Uniform(random, -bound, bound);
     }
   }
 }

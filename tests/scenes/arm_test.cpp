@@ -99,12 +99,12 @@ TEST_P(PegGrasp, IsInsertedWithContactsFrozenOnTheWay) {
   auto set = run.simulation().SetFidelity({DetailLevel::kObject, -1, Recovery::kExact});
   ASSERT_TRUE(set) << set.error().Text();
   EXPECT_LT((run.simulation().Pose("peg").translation() - before.translation()).norm(), 1e-12);
-  EXPECT_GE(run.simulation().holds()[0].contacts.size(), 6u) << "fingertips and pads";
+  EXPECT_GE(run.simulation().frozen_grasps()[0].contacts.size(), 6u) << "fingertips and pads";
 
   // Down into the hole as one body.
   double use = 0;
   Course course = run.Until(4.5, [&](const StepReport&) {
-    for (const HoldForce& f : run.simulation().HoldForces()) use = std::max(use, f.use);
+    for (const FrozenContactForce& f : run.simulation().FrozenContactForces()) use = std::max(use, f.use);
   });
   EXPECT_TRUE(course.finite);
   EXPECT_EQ(course.unconverged, 0);

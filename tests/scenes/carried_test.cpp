@@ -14,7 +14,7 @@ TEST(BeamWalkers, WalkAsOneMechanismWhileTheBeamIsFrozenToThem) {
   EXPECT_LT((run.Position("beam") - before).norm(), 1e-12);
   EXPECT_EQ(run.simulation().place(1).mechanism, 0);
   EXPECT_TRUE(run.simulation().world().free_bodies().empty());
-  EXPECT_EQ(run.simulation().holds()[0].contacts.size(), 4u);
+  EXPECT_EQ(run.simulation().frozen_grasps()[0].contacts.size(), 4u);
   Course course = run.Until(6);
   EXPECT_TRUE(course.finite);
   EXPECT_EQ(course.unconverged, 0);

@@ -1,5 +1,5 @@
 // Machines that move what lies about: an excavator on its cylinders, two walkers with a beam.
-#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <sstream>
 
 #include "run.hpp"

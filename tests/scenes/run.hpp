@@ -94,8 +94,8 @@ inline Vector3 ContactForce(const Simulation& simulation, const std::string& bod
   const World& world = simulation.world();
   for (const ContactRecord& c : world.contacts()) {
     const Vector3 on_b = c.point.frame.transpose() * c.impulse / simulation.dt();
-    if (world.contactors()[static_cast<std::size_t>(c.point.body_b)].name == body) sum += on_b;
-    if (world.contactors()[static_cast<std::size_t>(c.point.body_a)].name == body) sum -= on_b;
+    if (world.collision_bodies()[static_cast<std::size_t>(c.point.body_b)].name == body) sum += on_b;
+    if (world.collision_bodies()[static_cast<std::size_t>(c.point.body_a)].name == body) sum -= on_b;
   }
   return sum;
 }

@@ -60,11 +60,11 @@ TEST(Saved, AcrossFidelity) {
   const std::vector<std::uint64_t> first = HashesOf(run, 20);
   const auto set = simulation.SetFidelity({DetailLevel::kObject, -1, Recovery::kExact});
   ASSERT_TRUE(set) << set.error().Text();
-  ASSERT_FALSE(simulation.holds().empty());
+  ASSERT_FALSE(simulation.frozen_grasps().empty());
   const Simulation::Snapshot frozen = simulation.Save();
   const std::vector<std::uint64_t> object = HashesOf(run, 20);
   ASSERT_TRUE(simulation.Restore(held));
-  EXPECT_TRUE(simulation.holds().empty());
+  EXPECT_TRUE(simulation.frozen_grasps().empty());
   EXPECT_EQ(HashesOf(run, 20), first);
   ASSERT_TRUE(simulation.Restore(frozen));
   EXPECT_EQ(simulation.fidelity().level, DetailLevel::kObject);

@@ -143,10 +143,10 @@ TEST(FullGhost, GivesUpWhenItIsTooFarBehind) {
   for (int i = 0; i < 100000 && ghost.on(); ++i)
     ghost.Push({s.controls(), Vector3(0, 0, -9.81), {}, start.p_WB});
   EXPECT_FALSE(ghost.on());
-  const auto fault = ghost.TakeFault();
+  const auto fault = ghost.PopFault();
   ASSERT_TRUE(fault);
   EXPECT_NE(fault->find("behind"), std::string::npos);
-  EXPECT_FALSE(ghost.TakeFault());
+  EXPECT_FALSE(ghost.PopFault());
 }
 
 }  // namespace

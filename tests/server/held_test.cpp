@@ -131,11 +131,11 @@ TEST(LiveHeld, WhatIsHeldStaysHeldWhenTheModelIsBuiltAnew) {
   for (const Command& change : {Set("friction", 0.5), Set("dt", 0.01), Set("recovery", 1)}) {
     const auto refusal = live.Handle(change);
     ASSERT_FALSE(refusal) << change.setting << ": " << refusal->sentence;
-    EXPECT_EQ(live.simulation().holds().size(), 1u) << change.setting;
+    EXPECT_EQ(live.simulation().frozen_grasps().size(), 1u) << change.setting;
     EXPECT_LT(Largest(before, Origins(live)), 1e-6) << change.setting;
   }
   ASSERT_FALSE(live.Handle(Of(Command::Kind::kReset)));
-  EXPECT_TRUE(live.simulation().holds().empty());
+  EXPECT_TRUE(live.simulation().frozen_grasps().empty());
   EXPECT_EQ(nlohmann::json::parse(*live.Capture(1).settings)["detail"], 1);
   EXPECT_EQ(OnWire(live, "ball"), 4);
   // Nothing touches yet: a sentence, and nothing changes.
@@ -197,7 +197,7 @@ TEST(LiveHeld, MechanismsThatHoldTogetherAreOneOnTheWire) {
   live.Advance(kNoLimit);
   EXPECT_EQ(live.pulls()[0].body, ball);
   ASSERT_FALSE(live.Handle(Set("friction", 0.5)));
-  EXPECT_EQ(live.simulation().holds().size(), 1u);
+  EXPECT_EQ(live.simulation().frozen_grasps().size(), 1u);
   EXPECT_EQ(live.simulation().place(2).mechanism, 0);
   ASSERT_FALSE(live.Handle(Set("detail", 1)));
   EXPECT_EQ(live.simulation().place(2).mechanism, 2);

@@ -31,8 +31,8 @@ class Served : public ::testing::Test {
   }
 
   void Frame() {
-    for (const Command& c : server_->TakeCommands())
-      if (auto refusal = live_.Handle(c)) server_->Tell(c.viewer, refusal->sentence);
+    for (const Command& c : server_->PopCommands())
+      if (auto refusal = live_.Handle(c)) server_->Notify(c.viewer, refusal->sentence);
     live_.Advance(kNoLimit);
     server_->Publish(live_.Capture(server_->num_viewers()));
   }
@@ -255,7 +255,7 @@ TEST_F(Served, OfASettingOnlyTheLastValueWaits) {
   std::vector<Command> waiting;
   int steps = 0;
   for (int i = 0; i < 500 && steps < 2; ++i) {
-    for (Command& c : server_->TakeCommands()) {
+    for (Command& c : server_->PopCommands()) {
       steps += c.kind == Command::Kind::kStep ? 1 : 0;
       waiting.push_back(std::move(c));
     }
@@ -342,7 +342,7 @@ TEST_F(Served, AFloodOfRequestsIsBounded) {
     ASSERT_TRUE(frame);
     answered = frame->opcode == 10;
   }
-  EXPECT_LE(server_->TakeCommands().size(), 1024u);
+  EXPECT_LE(server_->PopCommands().size(), 1024u);
 }
 
 TEST(LiveServer, APortThatIsTakenIsNamed) {

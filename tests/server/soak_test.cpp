@@ -90,9 +90,9 @@ TEST(ServerSoak, ViewersThatStay) {
       drags.Send(R"({"type":"pull","body":3,"point":[0,0,0],"target":[0,0,)" +
                  std::to_string(i % 1200 == 1 ? 0.1 : 0.2) + "]}");
     if (i % 600 == 300) drags.Send(R"({"type":"release"})");
-    while (const auto command = server->TakeCommand()) live.Handle(*command);
+    while (const auto command = server->PopCommand()) live.Handle(*command);
     live.Advance(kNoLimit);
-    ASSERT_TRUE(live.TakeFaults().empty()) << i;
+    ASSERT_TRUE(live.PopFaults().empty()) << i;
     server->Publish(live.Capture(server->num_viewers()));
     if (i % an_hour != 0) continue;
     const double memory = ResidentMb();

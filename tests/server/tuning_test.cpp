@@ -59,7 +59,7 @@ int Find(const LiveSimulation& live, const std::string& of, const std::string& o
   throw std::runtime_error("no " + quantity + " of " + owner);
 }
 
-// Two roads: tuned while it runs, and imported from a text in which the number was changed.
+// Two methods: tuned while it runs, and imported from a text in which the number was changed.
 TEST(Tuning, DoesWhatAChangedFileDoes) {
   using C = ModelChange;
   struct TuneCase {
@@ -196,7 +196,7 @@ TEST(Table, DrivesABaseAsARun) {
     while (live->simulation().steps() <= i) live->Advance(kNoLimit);
     EXPECT_LT((live->simulation().Pose(lower).translation() - run->Pose(lower).translation()).norm(), 1e-9)
         << i;
-    // Built anew, it counts from another pose and goes on along the same path.
+    // Built again, it counts from another pose and goes on along the same path.
     if (i == 30) {
       ASSERT_FALSE(live->Handle(Set("friction", 0.5)));
       break;
@@ -221,7 +221,7 @@ TEST(Table, LosesAControlToItsSliderUntilTheReset) {
   const auto settings = nlohmann::json::parse(*live->Capture(1).settings);
   EXPECT_NEAR(settings["controls"][0], 0.9, 1e-12);
   EXPECT_NEAR(settings["controls"][1], 0.2, 1e-12);
-  // Built anew it goes on where it stands.
+  // Built again it goes on where it stands.
   ASSERT_FALSE(live->Handle(Set("friction", 0.5)));
   EXPECT_EQ(live->simulation().start_controls()(0), 0.9);
   EXPECT_NEAR(live->simulation().start_controls()(1), 0.2, 1e-12);
@@ -373,7 +373,7 @@ TEST(Shape, StiffnessesStayWithinTheFactor) {
     // Every stiffness stands at a bound, and so the compliance does.
     const double reached = by > 1 ? 2 : 0.5;
     EXPECT_LT((ComplianceOfTip(live) - reached * before).norm(), 1e-3 * before.norm()) << by;
-    const auto replies = live.TakeReplies();
+    const auto replies = live.PopReplies();
     ASSERT_EQ(replies.size(), 1u);
     EXPECT_EQ(replies[0].viewer, 4);
     const auto reply = nlohmann::json::parse(replies[0].message);

@@ -122,8 +122,8 @@ TEST(ErrorFigure, BegunAnewKeepsTheLargestErrorsAndSaysSo) {
   ErrorFigure figure;
   StepBoth(simulation, figure, 10);
   const double before = figure.largest().total;
-  figure.BeginAnew("here");
-  figure.BeginAnew("there");  // no estimate ended
+  figure.Restart("here");
+  figure.Restart("there");  // no estimate ended
   EXPECT_EQ(figure.largest().total, before);
   EXPECT_EQ(figure.Warnings().back(), "the error estimate began anew here");
   StepBoth(simulation, figure, 1);

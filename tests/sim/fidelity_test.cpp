@@ -38,15 +38,15 @@ TEST(Fidelity, FrozenContactsBearWhatContactsBore) {
   Simulation simulation = Holding(gripper);
   auto set = simulation.SetFidelity(kObject);
   ASSERT_TRUE(set) << set.error().Text();
-  ASSERT_EQ(simulation.holds().size(), 1u);
+  ASSERT_EQ(simulation.frozen_grasps().size(), 1u);
   EXPECT_TRUE(simulation.world().free_bodies().empty());
   Steps(simulation, 60);
   // Fingers stand where they stood, so each presses with k times its set-point and carries half the weight.
   const double normal = gripper.k * kSqueeze, weight = gripper.ball_mass * 9.81;
-  const std::vector<HoldForce> forces = simulation.HoldForces();
+  const std::vector<FrozenContactForce> forces = simulation.FrozenContactForces();
   ASSERT_EQ(forces.size(), 2u);
   Vector3 sum = Vector3::Zero();
-  for (const HoldForce& f : forces) {
+  for (const FrozenContactForce& f : forces) {
     EXPECT_EQ(simulation.bodies()[static_cast<std::size_t>(f.held)].name, "ball");
     // Contact gives 10 µm, a thousandth of the spring's length.
     EXPECT_NEAR(f.force_W.dot(f.normal_W), normal, 0.002 * normal);
@@ -64,8 +64,8 @@ TEST(Fidelity, FrozenContactsThatHoldByAHairAreTold) {
   ASSERT_TRUE(held.SetFidelity(kObject));
   EXPECT_TRUE(held.warnings().empty()) << held.warnings().front();
   for (const auto& [apart, told] : {std::pair<double, bool>{0, false}, {1e-2, false}, {3e-7, true}}) {
-    std::vector<Hold> holds = held.holds();
-    Hold::Contact again = holds[0].contacts[0];
+    std::vector<FrozenGrasp> holds = held.frozen_grasps();
+    FrozenGrasp::Contact again = holds[0].contacts[0];
     again.X_BC = again.X_BC * RigidTransform(Vector3(0, apart, 0));
     holds[0].contacts.push_back(again);
     Simulation fresh = gripper.Start();
@@ -117,7 +117,7 @@ TEST(Fidelity, NothingJumpsAtRest) {
       ASSERT_LT(Difference(simulation, stays), give) << Name(to.level) << ' ' << i;
     }
     ASSERT_TRUE(simulation.SetFidelity(kInterface));
-    EXPECT_TRUE(simulation.holds().empty());
+    EXPECT_TRUE(simulation.frozen_grasps().empty());
     for (int i = 0; i < 60; ++i) {
       Steps(simulation, 1);
       Steps(stays, 1);

@@ -29,9 +29,9 @@ Simulation PressedBy(Scene scene, double by, const Matrix3& R) {
 
 double NormalForceOfOneTip(const Simulation& simulation) {
   double sum = 0;
-  if (simulation.holds().empty())
+  if (simulation.frozen_grasps().empty())
     for (const ContactRecord& c : simulation.world().contacts()) sum += c.impulse(0) / simulation.dt();
-  for (const HoldForce& f : simulation.HoldForces()) sum += f.force_W.dot(f.normal_W);
+  for (const FrozenContactForce& f : simulation.FrozenContactForces()) sum += f.force_W.dot(f.normal_W);
   return sum / 2;
 }
 

@@ -1,9 +1,9 @@
 // Calls that make no sense throw std::invalid_argument, which names the function, the value and the remedy.
 #include <gtest/gtest.h>
 
-#include <fork1s/sim/ask.hpp>
 #include <fork1s/sim/control_move.hpp>
-#include <fork1s/sim/draw.hpp>
+#include <fork1s/sim/queries.hpp>
+#include <fork1s/sim/randomisation.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <functional>
 #include <limits>
@@ -145,7 +145,7 @@ TEST(Misuse, OfBodiesThrows) {
       {"Simulation::Pose", "there is no body 'thumb'", [](auto& s) { s.Pose("thumb"); }},
       {"Simulation::Velocity", "body 4 of 4", [](auto& s) { s.Velocity(4); }},
       {"Simulation::BodyOf", "of mechanism 1 of 1", [](auto& s) { s.BodyOf(1, 0); }},
-      {"Simulation::BodyOfContactor", "collision body 9", [](auto& s) { s.BodyOfContactor(9); }},
+      {"Simulation::BodyOfCollisionBody", "collision body 9", [](auto& s) { s.BodyOfCollisionBody(9); }},
       {"Simulation::BasePose", "mechanism 1 of 1", [](auto& s) { s.BasePose(1); }},
       {"Simulation::BaseTwist", "mechanism -1 of 1", [](auto& s) { s.BaseTwist(-1); }},
       {"Simulation::JointCoordinates", "mechanism 1 of 1", [](auto& s) { s.JointCoordinates(1); }},

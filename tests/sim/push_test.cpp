@@ -1,7 +1,7 @@
 // Pushes over time: their grammar, their impulse whatever the step, and what frozen contacts bear of them.
 #include <cmath>
 #include <fork1s/sim/push.hpp>
-#include <fork1s/sim/tally.hpp>
+#include <fork1s/sim/run_statistics.hpp>
 #include <functional>
 
 #include "sim/gripper.hpp"
@@ -29,7 +29,7 @@ TEST(Push, TakesItsColumnsOutOfATable) {
   track.names = {"force:a:b:x", "grip", "torque:a:b:z", "force:a:b@0,0,1:x"};
   track.times = {0, 1};
   track.rows = {{0, 7, 2, 5}, {4, 8, 2, 5}};
-  const auto pushes = PushTrack::TakeFrom(track, "table");
+  const auto pushes = PushTrack::ExtractFrom(track, "table");
   ASSERT_TRUE(pushes) << pushes.error().Text();
   EXPECT_EQ(track.names, std::vector<std::string>{"grip"});
   EXPECT_EQ(track.rows, (std::vector<std::vector<double>>{{7}, {8}}));
@@ -61,14 +61,14 @@ TEST(Tally, FrozenContactsBearWhatPushes) {
   ASSERT_TRUE(simulation.SetFidelity({DetailLevel::kObject, -1, Recovery::kExact}));
   const int ball = simulation.FindBody("ball");
   const Vector3 push(0, 0.3, 0);
-  RunTally tally;
+  RunStatistics statistics;
   for (int i = 0; i < 600; ++i) {
     simulation.ApplyWrench(ball, push, Vector3::Zero(), simulation.Pose(ball).translation());
     simulation.Step();
-    tally.Look(simulation);
+    statistics.Update(simulation);
   }
   Vector3 sum = Vector3::Zero();
-  for (const PairLoad& pair : tally.Pairs()) {
+  for (const PairLoad& pair : statistics.Pairs()) {
     const bool is_second = pair.body_b == ball;
     ASSERT_TRUE(is_second || pair.body_a == ball);
     sum += (is_second ? 1 : -1) * pair.last.force_W;
@@ -121,16 +121,16 @@ TEST(Tally, FrictionTakesWhatMoved) {
     auto simulation = Simulation::Create(scene, options);
     ASSERT_TRUE(simulation) << simulation.error().Text();
     const double moving = simulation->KineticEnergy();
-    RunTally tally;
-    tally.Begin(*simulation);
+    RunStatistics statistics;
+    statistics.Begin(*simulation);
     for (int i = 0; i < 300; ++i) {
       simulation->Step();
-      tally.Look(*simulation);
+      statistics.Update(*simulation);
     }
     ASSERT_LT(simulation->KineticEnergy(), 1e-9 * moving);
     // But for the first step, before which nothing touched, and for what the material keeps in it: a
     // thousandth.
-    EXPECT_NEAR(tally.FrictionLoss(), moving, (spins ? 1e-6 : 3e-3) * moving) << spins;
+    EXPECT_NEAR(statistics.FrictionLoss(), moving, (spins ? 1e-6 : 3e-3) * moving) << spins;
   }
 }
 
@@ -149,17 +149,17 @@ TEST(Tally, FrictionTakesWhatSlidAcrossItsSpin) {
     auto simulation = Simulation::Create(scene, options);
     ASSERT_TRUE(simulation) << simulation.error().Text();
     const double moving = simulation->KineticEnergy();
-    RunTally tally;
-    tally.Begin(*simulation);
+    RunStatistics statistics;
+    statistics.Begin(*simulation);
     for (int i = 0; i < 240; ++i) {
       simulation->Step();
-      tally.Look(*simulation);
+      statistics.Update(*simulation);
     }
     const double lost = moving - simulation->KineticEnergy();
     // Half of m/2, what the point of contact weighs where I = m r², times the square of its slip, 4 m/s each way.
     EXPECT_NEAR(lost, 16, 0.02 * 16);
     // But for the first step, before which nothing touched, and the one within which it begins to roll.
-    EXPECT_NEAR(tally.FrictionLoss(), lost, 0.02 * lost);
+    EXPECT_NEAR(statistics.FrictionLoss(), lost, 0.02 * lost);
   }
 }
 

@@ -86,7 +86,7 @@ TEST(Sensors, ThroughSetFidelity_MeasureTheSameGrip) {
       for (const double value : sensors[name]) EXPECT_TRUE(std::isnan(value)) << name;
     EXPECT_EQ(sensors["motor"][0], gripper.k * kSqueeze);
     for (Eigen::Index k = 7; k < 10; ++k) EXPECT_NEAR(sensors.values()(k), before(k), 1e-12);
-    // A changed model comes to rest anew.
+    // A changed model comes to rest again.
     Steps(simulation, 120);
     ExpectValuesOfAGrip(gripper, simulation);
   }

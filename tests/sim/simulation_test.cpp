@@ -1,7 +1,7 @@
 // The object that users hold: names, inputs, hashes, keyframes.
 #include <gtest/gtest.h>
+#include <fork1s/sim/run_statistics.hpp>
 #include <fork1s/sim/simulation.hpp>
-#include <fork1s/sim/tally.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <mechanisms.hpp>
 

@@ -6,9 +6,9 @@
 namespace fork1s {
 namespace {
 
-// A ball of radius 1 m, contactor 1, on the world, contactor 0, which has a ball of radius 2 m.
-ContactorShapes TwoBalls() {
-  ContactorShapes shapes;
+// A ball of radius 1 m, collision body 1, on the world, collision body 0, which has a ball of radius 2 m.
+CollisionBodyShapes TwoBalls() {
+  CollisionBodyShapes shapes;
   for (const double radius : {2.0, 1.0}) {
     CollisionBodyDef body;
     body.moves = radius == 1;
@@ -46,7 +46,7 @@ std::vector<int> Match(const std::vector<ContactPoint>& points, const std::vecto
 }
 
 TEST(ContactMatching, SizesAreThoseOfTheSmallerShape) {
-  const ContactorShapes shapes = TwoBalls();
+  const CollisionBodyShapes shapes = TwoBalls();
   EXPECT_DOUBLE_EQ(shapes.PairSize(At(0)), 1);
   EXPECT_DOUBLE_EQ(shapes.InnerPairSize(At(0)), 3);
   EXPECT_DOUBLE_EQ(shapes.least_size, 1);

@@ -140,9 +140,10 @@ TEST(Mechanisms, ABallBetweenTwoFingersIsHeld) {
   EXPECT_EQ(world.contacts().size(), 2u);
   double friction = 0;
   for (const ContactRecord& c : world.contacts()) {
-    const double sign =
-        world.contactors()[static_cast<std::size_t>(c.point.body_b)].kind == Contactor::Kind::kFreeBody ? 1
-                                                                                                        : -1;
+    const double sign = world.collision_bodies()[static_cast<std::size_t>(c.point.body_b)].kind ==
+                                CollisionBody::Kind::kFreeBody
+                            ? 1
+                            : -1;
     friction += sign * (c.point.frame.transpose() * c.impulse).y() / step.h;
   }
   EXPECT_NEAR(friction, 0.05 * 9.81, 1e-3 * 0.05 * 9.81);

@@ -13,7 +13,7 @@ using testing::RandomSource;
 using testing::Still;
 
 // Four-bars, platforms and random loops swing from the same start. What `curved` changes is of third order of
-// what moved since the refresh, and loops never open by more than the gap at which they are closed anew.
+// what moved since the refresh, and loops never open by more than the gap at which they are closed again.
 TEST(Curved, SwingsAsExactDoes) {
   RandomMechanismOptions options;
   options.rigid_closures = 2;

@@ -4,7 +4,7 @@
 #include <functional>
 #include <stepping/support.hpp>
 
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 
 namespace fork1s::driven_base_test {
 namespace {
@@ -338,8 +338,8 @@ TEST(DrivenBase, ImpactElsewhere_WhatIsCarriedKeepsToTheBase) {
         const StepReport report = world.Step(testing::TwoStage(h, testing::kDown));
         if (i < 4) continue;  // of estimated rates the start comes as a surprise
         landings += report.impact ? 1 : 0;
-        const auto is_ball = [&](int contactor) {
-          return world.contactors()[static_cast<std::size_t>(contactor)].name == "ball";
+        const auto is_ball = [&](int collision_body) {
+          return world.collision_bodies()[static_cast<std::size_t>(collision_body)].name == "ball";
         };
         for (const ContactRecord& c : world.contacts())
           if (c.impulse(0) > 0 && !is_ball(c.point.body_a) && !is_ball(c.point.body_b)) {

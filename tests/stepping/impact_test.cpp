@@ -6,7 +6,7 @@
 namespace fork1s {
 namespace {
 
-// One contact of a ball of radius 1 m, contactor 1, with one of 2 m, contactor 0, whose normal velocity is
+// One contact of a ball of radius 1 m, collision body 1, with one of 2 m, collision body 0, whose normal velocity is
 // the third linear one of port 0. Steps of 0.01 s, impacts from 0.001 m/s on.
 struct OneContact {
   OneContact() {
@@ -78,25 +78,25 @@ TEST(Impact, ForeseenIsTheFirstThatClosesAtTheSpeedOfAnImpact) {
   OneContact c;
   for (const double speed : {0.99e-3, 1.01e-3}) {
     c.approaches.closing = {speed};
-    EXPECT_EQ(Found(FindClosingAtSpeed(c.At()).of), speed > 1e-3) << speed;
+    EXPECT_EQ(Found(FindPredictedImpact(c.At()).of), speed > 1e-3) << speed;
   }
   c.approaches.closing = {2};
   for (const double gap : {-1e-3, 1e-2}) {
     c.detection.points[0].gap = gap;
-    EXPECT_DOUBLE_EQ(FindClosingAtSpeed(c.At()).time, gap / 2);
+    EXPECT_DOUBLE_EQ(FindPredictedImpact(c.At()).time, gap / 2);
   }
   c.detection.points.push_back(c.detection.points[0]);
   c.rows.contacts.push_back(c.rows.contacts[0]);
   c.history.match.push_back(-1);
   c.approaches.closing.push_back(3);
   c.detection.points[1].body_b = 2;
-  EXPECT_DOUBLE_EQ(FindClosingAtSpeed(c.At()).time, 1e-2 / 3);
-  EXPECT_EQ(FindClosingAtSpeed(c.At()).of.part, 2);
+  EXPECT_DOUBLE_EQ(FindPredictedImpact(c.At()).time, 1e-2 / 3);
+  EXPECT_EQ(FindPredictedImpact(c.At()).of.part, 2);
   c = OneContact();
   c.approaches.closing = {1};
   for (const double end_speed : {-0.99e-3, -1.01e-3}) {
     c.Bear(end_speed);
-    EXPECT_EQ(Found(FindClosingAtSpeed(c.At()).of), end_speed < -1e-3) << end_speed;
+    EXPECT_EQ(Found(FindPredictedImpact(c.At()).of), end_speed < -1e-3) << end_speed;
   }
 }
 
@@ -105,10 +105,10 @@ TEST(Impact, WhatBearsWasMetAtSpeedOrFromAsFar) {
   c.rows.contacts[0].impulse(0) = 1;
   for (const double gap : {0.99e-5, 1.01e-5}) {
     c.detection.points[0].gap = gap;
-    EXPECT_EQ(Found(FindMetAtSpeed(c.At(), c.h)), gap > 1e-5) << gap;
+    EXPECT_EQ(Found(FindImpact(c.At(), c.h)), gap > 1e-5) << gap;
   }
   c.rows.contacts[0].impulse(0) = 0;
-  EXPECT_FALSE(Found(FindMetAtSpeed(c.At(), c.h)));
+  EXPECT_FALSE(Found(FindImpact(c.At(), c.h)));
 }
 
 TEST(Impact, WhatWasStoppedPartsAgainByAShareOfItsSizeASecond) {

@@ -56,14 +56,14 @@ TEST(Islands, GiveTheBitsOfEachAlone) {
   IslandSolver islands;
   const ContactSolverReport report =
       islands.Solve(all.blocks, all.contacts, all.limits, all.velocity, ContactSolverOptions{});
-  int stage = 0, newton = 0;
+  int fallback = 0, newton = 0;
   Eigen::Index offset = 0;
   std::vector<Problem> solved;
   for (const Problem& given : problems) {
     Problem p = given;
     ContactSolver alone;
     const ContactSolverReport r = alone.Solve(p.blocks, p.contacts, p.limits, p.velocity);
-    stage = std::max(stage, r.stage);
+    fallback = std::max(fallback, r.fallback);
     newton = std::max(newton, r.newton_iterations);
     EXPECT_EQ(all.velocity.segment(offset, p.velocity.size()), p.velocity);
     offset += p.velocity.size();
@@ -77,14 +77,14 @@ TEST(Islands, GiveTheBitsOfEachAlone) {
         const ContactConstraint& c = all.contacts[contact++];
         EXPECT_EQ(c.impulse, p.contacts[i].impulse);
         EXPECT_EQ(c.moment, p.contacts[i].moment);
-        EXPECT_EQ(c.use, p.contacts[i].use);
+        EXPECT_EQ(c.utilization, p.contacts[i].utilization);
       }
       if (i < p.limits.size()) {
         EXPECT_EQ(all.limits[limit++].impulse, p.limits[i].impulse);
       }
     }
   EXPECT_GE(islands.num_islands(), 80);
-  EXPECT_EQ(report.stage, stage);
+  EXPECT_EQ(report.fallback, fallback);
   EXPECT_EQ(report.newton_iterations, newton);
 }
 
@@ -117,10 +117,10 @@ TEST(Islands, DeferredContacts_AreJoinedWhereTheyClose) {
     all.velocity[6 * 7 + 3] = -2;  // and the eighth at the seventh
     Problem together = all, apart = all;
     for (std::size_t i = all.contacts.size() - (kBoxes - 1); i < all.contacts.size(); ++i)
-      apart.contacts[i].waits = true;
+      apart.contacts[i].may_be_deferred = true;
     IslandSolver islands;
     ContactSolverOptions options;
-    options.most_give = 1;
+    options.max_relative_regularization = 1;
     ASSERT_TRUE(islands.Solve(together.blocks, together.contacts, together.limits, together.velocity, options)
                     .converged);
     EXPECT_EQ(islands.num_islands(), 1);

@@ -69,7 +69,7 @@ double LargestAfterJump(World& world, const StepOptions& step, const SetPointJum
 // m: `ContactMaterial::depth`, beneath which material is stiffer, and what is left of the size of bodies.
 double Depth(double force, double size) { return 1.1e-5 + 1e-4 * size + force / 1e9; }
 
-TEST(Passing, AJawThatAServoClosesStopsAtACard) {
+TEST(Interpenetration, AJawThatAServoClosesStopsAtACard) {
   for (const double thickness : {0.002, 0.004, 0.008, 0.02})
     for (const double stiffness : {1e3, 1e4, 1e6, 1e8})
       for (const double h : kPassingSteps)
@@ -91,7 +91,7 @@ TEST(Passing, AJawThatAServoClosesStopsAtACard) {
         }
 }
 
-TEST(Passing, ABallThatAServoThrowsStopsAtAWall) {
+TEST(Interpenetration, ABallThatAServoThrowsStopsAtAWall) {
   for (const double scale : {0.05, 1.0, 20.0})
     for (const double frequency : {5.0, 50.0, 5000.0})  // Hz, of the servo
       for (const double h : kPassingSteps)
@@ -114,7 +114,7 @@ TEST(Passing, ABallThatAServoThrowsStopsAtAWall) {
 }
 
 // A bar on a hinge that a servo turns onto a card.
-TEST(Passing, ABarThatAServoTurnsStopsAtACard) {
+TEST(Interpenetration, ABarThatAServoTurnsStopsAtACard) {
   for (const double thickness : {0.002, 0.008, 0.02})
     for (const double stiffness : {1.0, 1e2, 1e4, 1e6})
       for (const double angle : {0.3, 1.0, 1.5})
@@ -147,7 +147,7 @@ TEST(Passing, ABarThatAServoTurnsStopsAtACard) {
         }
 }
 
-TEST(Passing, JointsAndTendonsStopAtTheirStops) {
+TEST(Interpenetration, JointsAndTendonsStopAtTheirStops) {
   for (const double stiffness : {1e3, 1e5, 1e8})
     for (const double force : {0.0, 1e3, 1e6})
       for (const double h : kPassingSteps) {
@@ -190,7 +190,7 @@ TEST(Passing, JointsAndTendonsStopAtTheirStops) {
 }
 
 // A ball that rests near a card, pushed for some steps.
-TEST(Passing, AFreeBodyThatIsPushedStopsAtACard) {
+TEST(Interpenetration, AFreeBodyThatIsPushedStopsAtACard) {
   for (const double thickness : {0.002, 0.02})
     for (const double force : {10.0, 1e3, 1e5, 1e7})
       for (const double h : kPassingSteps)
@@ -216,7 +216,7 @@ TEST(Passing, AFreeBodyThatIsPushedStopsAtACard) {
 }
 
 // A ball that another hits, the two of them light and heavy, in front of a card.
-TEST(Passing, ABallThatAnotherHitsStopsAtACard) {
+TEST(Interpenetration, ABallThatAnotherHitsStopsAtACard) {
   for (const double mass : {0.01, 1.0, 100.0})
     for (const double speed : {1.0, 10.0, 100.0})
       for (const double h : kPassingSteps)
@@ -243,7 +243,7 @@ TEST(Passing, ABallThatAnotherHitsStopsAtACard) {
 }
 
 // Where nothing is in the way a jump of the set-point is one step of two stages.
-TEST(Passing, AServoThatJumpsWhereNothingIsNearIsNotHalved) {
+TEST(Interpenetration, AServoThatJumpsWhereNothingIsNearIsNotHalved) {
   for (const double stiffness : {1e2, 1e3})
     for (const double h : {1.0 / 60, 1.0 / 240}) {
       MechanismDef jaw = OnSlide(Box{Vector3(0.01, 0.02, 0.02)}, 0.08, 0);

@@ -325,7 +325,7 @@ int RefreshesIn(World& world, int steps) {
   return refreshes;
 }
 
-// Its spin is not seen by anything else, so the model stays as good as one that is made anew all the time.
+// Its spin is not seen by anything else, so the model stays as good as one that is made again all the time.
 TEST(Refresh, AWheelMaySpinForEver) {
   const VectorX q = VectorX::Zero(2), q_dot = (VectorX(2) << 0.5, 30).finished();
   World::Options often;

@@ -130,7 +130,7 @@ struct Rolled {
   Shape a, b;
 };
 
-// The detector asked a moment later and a moment before is the other road.
+// The detector asked a moment later and a moment before is the other method.
 TEST(Rolling, PointAndNormalGoWhereTheDetectorFindsThemNext) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> u(-1, 1);

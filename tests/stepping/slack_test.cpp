@@ -95,7 +95,7 @@ TEST(SlackSpring, NeverGainsByImplicitEuler) {
   }
 }
 
-// Nor by second order, which looks for the end of a step anew where a stiff end is met within it.
+// Nor by second order, which looks for the end of a step again where a stiff end is met within it.
 TEST(SlackSpring, NeverGainsBySecondOrder) {
   StepOptions step = testing::Still();
   step.integrator = Integrator::kTwoStage;

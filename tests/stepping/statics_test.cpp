@@ -9,7 +9,7 @@ namespace {
 
 using testing::MustCreate;
 
-// Steps until nothing moves; the wrench, if any, is applied anew in every step.
+// Steps until nothing moves; the wrench, if any, is applied again in every step.
 void Settle(World& world, const StepOptions& step, BodyIndex body = {},
             const Vector3& force = Vector3::Zero()) {
   MechanismDynamics& m = world.mechanisms()[0];

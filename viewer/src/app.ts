@@ -301,7 +301,7 @@ export class App {
       this.panel.useScene(scene);
       this.picking.useScene(scene);
       this.bench.useScene(scene, shapes);
-      this.problems.clear('request', 'ghost'); // the model was built anew since
+      this.problems.clear('request', 'ghost'); // the model was built again since
       if (!this.view.scene) this.notices.sayAll(scene.warnings);
     }
     if (!frame.paused) {

@@ -30,7 +30,7 @@ export class View {
   readonly anatomy = new AnatomyView();
   readonly visibility = new Visibility();
   readonly marked = new Set<number>(); // picked as interface bodies
-  selected: string | null = null; // body, by name: it outlives a model that is built anew
+  selected: string | null = null; // body, by name: it outlives a model that is built again
   scene: SceneMessage | null = null;
   frame: Frame | null = null;
   framesDrawn = 0;

@@ -17,7 +17,7 @@ Seeding = Callable[[Sequence[int | None], Any], list[np.random.Generator]]
 
 
 class Adapter:
-    """What a VecEnv must do. A member that is done begins anew in the same step, as VecEnv asks for."""
+    """What a VecEnv must do. A member that is done begins again in the same step, as VecEnv asks for."""
 
     num_envs: int
     # Of VecEnv: for the next reset.

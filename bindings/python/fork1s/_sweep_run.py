@@ -98,7 +98,7 @@ def _end_with_parent(stop: multiprocessing.connection.Connection) -> None:
 
 
 class LocalProcesses:
-    """Processes of this machine, made anew when one of them ends."""
+    """Processes of this machine, made again when one of them ends."""
 
     def __init__(self, tasks: int) -> None:
         self.count = max(1, min(tasks, len(os.sched_getaffinity(0))))

@@ -60,7 +60,7 @@ class Task:
         self.command = np.zeros((count, len(controls)))  # what the controls are told
 
     def begin(self, mask: npt.NDArray[np.bool_], rng: np.random.Generator) -> None:
-        """Members of the mask start anew: draws what they do not know."""
+        """Members of the mask start again: draws what they do not know."""
         self.command[mask] = 0
 
     def act(self, action: Floats) -> Floats:

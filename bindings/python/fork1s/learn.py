@@ -269,7 +269,7 @@ class Environment(gymnasium.Env):
 
     Args:
         task: a class of TASKS, or one of your own.
-        randomise: what is drawn anew at every reset, as of `fork1s.Batch`; True: the task's own, False: nothing.
+        randomise: what is drawn again at every reset, as of `fork1s.Batch`; True: the task's own, False: nothing.
         model: what `load` takes in place of the task's scene.
         observe: "sensor:NAME" of sensors of the model, whose values come after what the task observes, in the units
             of the file, clipped to ±10; 0 before the first step of means over a step. Raises UsageError for those
@@ -311,7 +311,7 @@ class Environment(gymnasium.Env):
 
 
 class VectorEnvironment(gymnasium.vector.VectorEnv):
-    """Many members that step as one, on threads; a member that is done starts anew in the step after.
+    """Many members that step as one, on threads; a member that is done starts again in the step after.
 
     Args:
         num_envs: members.
@@ -430,7 +430,7 @@ def sb3(
 
         policy = stable_baselines3.PPO("MlpPolicy", fork1s.learn.sb3(fork1s.learn.Quadruped, 64), seed=1)
 
-    A member that is done begins anew in the same step, and its dictionary has the `terminal_observation`. `seed(s)` gives
+    A member that is done begins again in the same step, and its dictionary has the `terminal_observation`. `seed(s)` gives
     member i the seed s + i at the next reset, by which it does what an Environment of that seed does.
 
     Args:

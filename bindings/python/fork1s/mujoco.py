@@ -35,7 +35,7 @@ class Stepper:
             viewer.sync()
 
     Read from `data` before a step: ctrl, xfrc_applied, poses of mocap bodies; and qpos and qvel if they differ from what
-    the last step wrote, which takes milliseconds, since the simulation then begins anew there. Written after it: qpos,
+    the last step wrote, which takes milliseconds, since the simulation then begins again there. Written after it: qpos,
     qvel, time, and, by `mujoco.mj_forward`, all that follows from these: poses, contacts, sensors. MuJoCo's own contact
     forces (efc_force, touch sensors) are its view of that state; `simulation.contacts` has those of the step.
 
@@ -115,7 +115,7 @@ class Stepper:
         ]
 
     def _take_state(self, data: mujoco.MjData) -> None:
-        """The simulation begins anew where `data` is."""
+        """The simulation begins again where `data` is."""
         sim = self.simulation
         poses: dict[str, Array] = {}
         velocities = {}

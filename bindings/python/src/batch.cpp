@@ -70,7 +70,8 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
       threads_(threads),
       has_seeds_(!differences.seeds.empty()),
       options_(MemberOptions(*model_, options)),
-      starts_(Take(Starts::Create(model_->scene(), options_, differences.ranges.start), model_->origin())),
+      starts_(ValueOrThrow(Starts::Create(model_->scene(), options_, differences.ranges.start),
+                           model_->origin())),
       ranges_(differences.ranges),
       seeds_(differences.seeds),
       times_(differences.seeds.size(), 0),
@@ -93,7 +94,7 @@ void Batch::Begin(ReleasedGil& gil) {
   });
   gil.ThrowIfInterrupted();
   simulations_.reserve(made.size());
-  for (auto& m : made) simulations_.push_back(Take(std::move(*m), model_->origin()));
+  for (auto& m : made) simulations_.push_back(ValueOrThrow(std::move(*m), model_->origin()));
   control_names_ = simulations_.front().control_names();
 }
 
@@ -103,7 +104,8 @@ Batch::Batch(std::shared_ptr<const Model> model, Content content)
       threads_(content.threads),
       has_seeds_(!content.seeds.empty()),
       options_(WithoutReserve(content.simulations.options)),
-      starts_(Take(Starts::Create(model_->scene(), options_, content.ranges.start), model_->origin())),
+      starts_(
+          ValueOrThrow(Starts::Create(model_->scene(), options_, content.ranges.start), model_->origin())),
       ranges_(std::move(content.ranges)),
       seeds_(std::move(content.seeds)),
       times_(std::move(content.times)),
@@ -113,8 +115,8 @@ Batch::Batch(std::shared_ptr<const Model> model, Content content)
   Begin(gil);
   for (std::size_t i = 0; i < simulations_.size(); ++i) {
     Simulation::Snapshot& moment = content.simulations.snapshots[i];
-    Take(CompleteSnapshot(simulations_[i], "pickle of Batch", moment));
-    Take(simulations_[i].Restore(moment), model_->origin());
+    ValueOrThrow(CompleteSnapshot(simulations_[i], "pickle of Batch", moment));
+    ValueOrThrow(simulations_[i].Restore(moment), model_->origin());
   }
 }
 
@@ -213,9 +215,9 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
   if (failed || !complete) {
     for (std::size_t i = 0; i < replaced.size(); ++i) {
       if (!replaced[i]) continue;
-      simulations_[i] = Take(starts_.Begin(drawn_[i]), model_->origin());
+      simulations_[i] = ValueOrThrow(starts_.Begin(drawn_[i]), model_->origin());
       sensors_[i].reset();
-      Take(simulations_[i].Restore(*replaced[i]), model_->origin());
+      ValueOrThrow(simulations_[i].Restore(*replaced[i]), model_->origin());
     }
     for (std::optional<Error>& error : errors)
       if (error) throw Refused{std::move(*error)};

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <fork1s/sim/draw.hpp>
+#include <fork1s/sim/randomisation.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <functional>
 #include <memory>
@@ -65,7 +65,7 @@ class Batch {
   /// that have made different numbers of these steps.
   /// move: as Runner::Step.
   BatchReport Step(const double* controls, int steps, bool move);
-  /// Simulations whose entry of `mask` is set begin anew: with what their seed draws next, or, where seeds
+  /// Simulations whose entry of `mask` is set begin again: with what their seed draws next, or, where seeds
   /// are given, draws first. Without any seed they keep their factors, but for those that are given.
   void Reset(const std::vector<char>& mask, const MemberDifferences& differences);
   /// What the members were drawn as, and by which seeds.

@@ -94,11 +94,11 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
     if (gil.IsPauseDue() && gil.Pause()) gil.ThrowIfInterrupted();
   };
   const auto compare = [&](const ImportedScene& imported) {
-    return Take(Compare(imported, options), model->origin());
+    return ValueOrThrow(Compare(imported, options), model->origin());
   };
   if (options.against == Against::kFull) return compare(model->imported());
-  const SharedModel shared =
-      Take(ShareWithMuJoCo(model->origin(), *model->file_options(), model->imported()), model->origin());
+  const SharedModel shared = ValueOrThrow(
+      ShareWithMuJoCo(model->origin(), *model->file_options(), model->imported()), model->origin());
   options.model_path = shared.path;
   // MuJoCo's handlers of errors are the process's: such comparisons go one at a time, and pause.
   static CallMutex& mutex = *new CallMutex;
@@ -183,7 +183,7 @@ void BindCompare(nb::module_& m) {
       .def(
           "write_report",
           [](const Comparison& c, const nb::object& path) {
-            Take(WriteComparisonReport(c, ReadPath(path, "path")));
+            ValueOrThrow(WriteComparisonReport(c, ReadPath(path, "path")));
           },
           nb::arg("path"), "One self-contained HTML page with tables and plots. Raises FileError.")
       .def("__repr__", [](const Comparison& c) {

@@ -19,7 +19,7 @@ LinearizedStep LinearizeStep(Runner& runner, const nb::object& outputs, const Re
   for (const std::string& body :
        ReadAs<std::vector<std::string>>(outputs, "outputs", "a sequence of body names"))
     options.outputs.push_back(runner.FindBody(body));
-  return Take(runner.With([&](Simulation& s) { return Linearize(s, options); }));
+  return ValueOrThrow(runner.With([&](Simulation& s) { return Linearize(s, options); }));
 }
 
 VectorX Deviation(const LinearizedStep& step, Runner& runner) {
@@ -28,7 +28,7 @@ VectorX Deviation(const LinearizedStep& step, Runner& runner) {
       return Fail(ErrorCode::kUsage, "simulation", "is of another model than the one that was linearized");
     return step.Deviation(s);
   });
-  return Take(dx);
+  return ValueOrThrow(dx);
 }
 
 }  // namespace

@@ -69,7 +69,7 @@ LinearModel LinearModelOf(const MechanismView& v) {
 }
 
 StateSpace StateSpaceOf(const MechanismView& v) {
-  return Take(ToStateSpace(LinearModelOf(v)), v.model->origin());
+  return ValueOrThrow(ToStateSpace(LinearModelOf(v)), v.model->origin());
 }
 
 // name -> (lower, upper, initial)

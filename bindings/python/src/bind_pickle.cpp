@@ -99,7 +99,7 @@ void BindSimulationPickle() {
             const std::string text = ToText(bytes);
             const ModelPtr& of = model;
             WithoutGil([&] {
-              content.simulation = Take(ReadSimulationBytes(text, "pickle of Simulation"));
+              content.simulation = ValueOrThrow(ReadSimulationBytes(text, "pickle of Simulation"));
               new (&r) Runner(of, std::move(content));
             });
           },
@@ -123,7 +123,8 @@ void BindSnapshotPickle() {
             const auto [bytes, time_before, pushes, dt, stiffness] =
                 Split<nb::bytes, double, NumberList, double, Stiffness>(state, kWhat);
             const std::string text = ToText(bytes);
-            auto moment = WithoutGil([&] { return Take(ReadSnapshotBytes(text, "pickle of Snapshot")); });
+            auto moment =
+                WithoutGil([&] { return ValueOrThrow(ReadSnapshotBytes(text, "pickle of Snapshot")); });
             new (&s) Runner::Snapshot{std::move(moment), time_before, PushesOf(pushes, kWhat), dt,
                                       stiffness,         std::nullopt};
           },
@@ -171,7 +172,7 @@ void BindBatchPickle() {
                       std::vector<NumberList>>(state, kWhat);
             Batch::Content content;
             content.threads = threads;
-            content.simulations = Take(ReadBatchBytes(ToText(bytes), "pickle of Batch"));
+            content.simulations = ValueOrThrow(ReadBatchBytes(ToText(bytes), "pickle of Batch"));
             content.seeds = seeds;
             content.times = times;
             const std::size_t count = drawn.size();
@@ -220,7 +221,7 @@ void BindModelPickle(nb::module_& m) {
         const auto [bytes, origin] = Split<nb::bytes, std::string>(state, "Model");
         const std::string text = ToText(bytes), of = origin;
         const ReleasedGil others_run;
-        ModelContent content = Take(ReadModelBytes(text, "pickle of Model"));
+        ModelContent content = ValueOrThrow(ReadModelBytes(text, "pickle of Model"));
         return Model::Create(std::move(content.imported), of, std::move(content.options));
       },
       nb::arg("state"), nb::sig("def model_of_state(state: object) -> Model"));

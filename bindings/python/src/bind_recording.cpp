@@ -31,7 +31,8 @@ namespace {
 class Reader {
  public:
   Reader(const std::string& path, std::size_t bytes)
-      : reader_(Take(RecordingReader::Open(path, bytes), path)), names_(internal::BodyNames(header())) {
+      : reader_(ValueOrThrow(RecordingReader::Open(path, bytes), path)),
+        names_(internal::BodyNames(header())) {
     // Of the bodies none is called as the still world: the base of a mechanism that is fixed to it may be.
     for (std::size_t b = 0; b < names_.size(); ++b) {
       if (names_[b] != "world") continue;
@@ -47,7 +48,7 @@ class Reader {
   /// May be called by several threads, without the GIL.
   Recording Next() {
     const std::lock_guard one_by_one(mutex_);
-    return Take(reader_.Next(), header().path);
+    return ValueOrThrow(reader_.Next(), header().path);
   }
 
  private:
@@ -149,13 +150,15 @@ nb::tuple TrianglesOf(const RecordedShape& shape) {
 class NewFile {
  public:
   NewFile(const std::string& path, const std::string& kind, const std::string& begin)
-      : kind_(kind), begin_(begin), file_(Take(OutputFile::Create(path, {kind_.c_str(), begin_}), path)) {}
+      : kind_(kind),
+        begin_(begin),
+        file_(ValueOrThrow(OutputFile::Create(path, {kind_.c_str(), begin_}), path)) {}
   NewFile(const NewFile&) = delete;
   NewFile& operator=(const NewFile&) = delete;
 
   std::string part() const { return file_ ? file_->part() : ""; }
-  void Keep() {
-    if (file_) Take(file_->Keep());
+  void Commit() {
+    if (file_) ValueOrThrow(file_->Commit());
     file_.reset();
   }
   void Drop() { file_.reset(); }
@@ -206,7 +209,7 @@ void BindRecording(nb::module_& m) {
       .def(nb::init<const std::string&, const std::string&, const std::string&>(), nb::arg("path"),
            nb::arg("kind"), nb::arg("begin"))
       .def_prop_ro("part", &NewFile::part, "The name to write under.")
-      .def("keep", &NewFile::Keep)
+      .def("keep", &NewFile::Commit)
       .def("drop", &NewFile::Drop);
   nb::class_<Reader>(m, "RecordingReader", "A recording, a stretch of steps after the other.")
       .def(

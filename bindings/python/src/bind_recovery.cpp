@@ -49,7 +49,7 @@ nb::ndarray<nb::numpy, float> FrameOf(const Buffers& buffers) {
 }
 
 void SaveTo(const Buffers& buffers, const std::string& directory) {
-  WithCurrent(buffers, [&](Simulation& s) { Take(SaveRecoveryBuffers(s, directory)); });
+  WithCurrent(buffers, [&](Simulation& s) { ValueOrThrow(SaveRecoveryBuffers(s, directory)); });
 }
 
 }  // namespace

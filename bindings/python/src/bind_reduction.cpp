@@ -95,7 +95,7 @@ preload, limits, bounds of forces, dry friction, contact.)");
           "interfaces", [](const LinearModel& s) { return s.interfaces; },
           "(e) names of the interface bodies.")
       .def(
-          "state_space", [](const LinearModel& s) { return Take(ToStateSpace(s)); },
+          "state_space", [](const LinearModel& s) { return ValueOrThrow(ToStateSpace(s)); },
           "The same as first-order equations (`StateSpace`). Raises NumericsError for a motion without inertia.")
       .def("__repr__", [](const LinearModel& s) {
         return "<fork1s.LinearModel of " + std::to_string(s.M.rows()) + " coordinates, " +

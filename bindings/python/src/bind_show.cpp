@@ -36,7 +36,8 @@ class Page {
   std::string Launch() {
     if (!parts_) return address_;
     if (!parts_->launch)
-      parts_->launch = Take(LaunchFile::Create(std::filesystem::temp_directory_path().string(), address_));
+      parts_->launch =
+          ValueOrThrow(LaunchFile::Create(std::filesystem::temp_directory_path().string(), address_));
     return parts_->launch->address();
   }
   int NumViewers() const { return parts_ ? parts_->server.num_viewers() : 0; }
@@ -75,7 +76,7 @@ class Page {
 std::unique_ptr<Page> Open(Runner& runner, const Whole& given_port) {
   const int port = given_port.Within("port", 0, 65535);
   if (app::ViewerPage().empty()) throw Refused{app::NoPage()};
-  auto live = Take(runner.With([&](Simulation& s) {
+  auto live = ValueOrThrow(runner.With([&](Simulation& s) {
     Scene scene = s.scene();
     SimulationOptions options = s.options();
     scene.keyframes.push_back(s.State());
@@ -85,7 +86,7 @@ std::unique_ptr<Page> Open(Runner& runner, const Whole& given_port) {
   ServerOptions options;
   options.port = static_cast<unsigned short>(port);
   options.page = app::ViewerPage();
-  auto server = Take(LiveServer::Create(options));
+  auto server = ValueOrThrow(LiveServer::Create(options));
   return std::make_unique<Page>(std::move(live), std::move(server));
 }
 
@@ -97,8 +98,9 @@ void BindShow(nb::module_& m) {
       [](const std::string& path) {
         if (app::ViewerPage().empty()) throw Refused{app::NoPage()};
         const ReleasedGil others_run;
-        const Recording recording = Take(Recording::Open(path), path);
-        return ReplayPage(app::ViewerPage(), Take(EncodeRecording(recording, recording.scene().name), path));
+        const Recording recording = ValueOrThrow(Recording::Open(path), path);
+        return ReplayPage(app::ViewerPage(),
+                          ValueOrThrow(EncodeRecording(recording, recording.scene().name), path));
       },
       nb::arg("path"));
   nb::class_<Page>(m, "LivePage", "What fork1s.Page holds.")

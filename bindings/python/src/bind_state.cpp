@@ -162,7 +162,7 @@ void SetState(Runner& runner, const nb::object& qpos, const nb::object& qvel, co
               ReadVector(qpos, count(file.positions), "qpos"), file.positions);
     const auto wanted = SetByName(by_joint, joints, "joints", &FileJoint::num_positions, file.positions);
     SetByName(rates_by_joint, joints, "joint_velocities", &FileJoint::num_velocities, file.velocities);
-    Take(ApplyFileState(joints, scene, file, state));
+    ValueOrThrow(ApplyFileState(joints, scene, file, state));
     // The other joints of a loop follow those that are named, unless they are given too.
     for (std::size_t i = 0; qpos.is_none() && i < state.mechanisms.size(); ++i) {
       const MechanismDef& def = scene.mechanisms[i];

@@ -33,7 +33,7 @@ LoadedBody Statics(const std::shared_ptr<const Model>& model, const std::string&
   const Vector3 g = gravity.is_none() ? model->scene().gravity : ReadVector3(gravity, "gravity");
   const ReleasedGil others_run;
   const OnFreeMotion on_free = lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse;
-  return Take(Deflect(model->mechanisms(), load, g, {on_free, 0, named}), model->origin());
+  return ValueOrThrow(Deflect(model->mechanisms(), load, g, {on_free, 0, named}), model->origin());
 }
 
 double Along(const StiffnessView& s, const nb::object& direction) {

@@ -16,7 +16,7 @@ namespace nb = nanobind;
 
 // On its way to Python the code of an error chooses the class (fork1s/_errors.py).
 using internal::Refused;
-using internal::Take;
+using internal::ValueOrThrow;
 
 /// fork1s.UnknownNameError: "there is no WHAT 'NAME'; there are: ...".
 [[noreturn]] void RefuseName(const char* what, const std::string& name,

@@ -35,7 +35,7 @@ std::vector<BodyIndex> MechanismView::FindBodies(const std::vector<std::string>&
 std::vector<int> MechanismView::CoordinatesToLock(const std::vector<BodyIndex>& bodies,
                                                   bool lock_free) const {
   const OnFreeMotion on_free = lock_free ? OnFreeMotion::kLock : OnFreeMotion::kRefuse;
-  return Take(fork1s::CoordinatesToLock(mechanism(), posed().q, bodies, on_free), model->origin());
+  return ValueOrThrow(fork1s::CoordinatesToLock(mechanism(), posed().q, bodies, on_free), model->origin());
 }
 
 InterfaceCompliance MechanismView::Compliance(const std::vector<std::string>& names, bool lock_free) const {

@@ -12,8 +12,8 @@ namespace fork1s::python {
 std::shared_ptr<const Model> Model::Create(Expected<ImportedScene> imported, std::string origin,
                                            std::optional<ImportOptions> options) {
   auto model = std::make_shared<Model>();
-  model->imported_ = Take(std::move(imported), origin);
-  model->mechanisms_ = Take(PoseMechanisms(model->imported_), origin);
+  model->imported_ = ValueOrThrow(std::move(imported), origin);
+  model->mechanisms_ = ValueOrThrow(PoseMechanisms(model->imported_), origin);
   model->joints_ = MovingJoints(model->imported_.joints, model->scene());
   model->reductions_.resize(model->mechanisms_.size());
   model->origin_ = std::move(origin);
@@ -96,8 +96,8 @@ std::shared_ptr<const ReducedModel> Model::Reduction(std::size_t mechanism) cons
     const PosedMechanism& posed = mechanisms_[mechanism];
     ReductionOptions options;
     options.promote_hidden = !posed.interfaces_chosen;
-    reduction =
-        std::make_shared<const ReducedModel>(Take(Reduce(posed.mechanism, posed.q, options), origin_));
+    reduction = std::make_shared<const ReducedModel>(
+        ValueOrThrow(Reduce(posed.mechanism, posed.q, options), origin_));
   }
   return reduction;
 }

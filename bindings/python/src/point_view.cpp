@@ -6,7 +6,7 @@
 
 namespace fork1s::python {
 
-StiffnessView PointView::Loaded() const { return Take(loaded, file); }
+StiffnessView PointView::Loaded() const { return ValueOrThrow(loaded, file); }
 
 PointView MeasureStiffness(const MechanismView& view, const NamedPoint& point, const Vector3& gravity_W,
                            bool lock_free) {

@@ -1,6 +1,6 @@
 #include "readings.hpp"
 
-#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/queries.hpp>
 
 namespace fork1s::python {
 namespace {

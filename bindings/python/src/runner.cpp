@@ -31,19 +31,21 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& given) {
 Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error)
     : model_(std::move(model)),
       actuators_(model_->imported().actuators),
-      simulation_(Take(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {
+      simulation_(
+          ValueOrThrow(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {
   if (estimates_error) error_.emplace();
 }
 
 Runner::Runner(std::shared_ptr<const Model> model, Content content)
     : model_(std::move(model)),
       actuators_(std::move(content.simulation.actuators)),
-      simulation_(Take(Simulation::Create(std::move(content.simulation.scene), content.simulation.options),
+      simulation_(
+          ValueOrThrow(Simulation::Create(std::move(content.simulation.scene), content.simulation.options),
                        model_->origin())),
       pushes_(std::move(content.pushes)),
       time_before_(content.time_before),
       state_change_(content.state_change) {
-  Take(simulation_.Restore(content.simulation.snapshot), model_->origin());
+  ValueOrThrow(simulation_.Restore(content.simulation.snapshot), model_->origin());
   if (!content.estimates_error) return;
   error_.emplace();
   if (simulation_.steps() > 0) error_->Reset("where the simulation was copied");
@@ -82,7 +84,7 @@ internal::StepTotals Runner::Step(int steps, bool move) {
     const StepReport step = controls ? controls->Step(simulation_) : simulation_.Step();
     if (error_) error_->EndStep(simulation_, step);
     report.Add(step, simulation_.world());
-    if (recorder_) Take(recorder_->Append(simulation_, step, wrenches), recording_);
+    if (recorder_) ValueOrThrow(recorder_->Append(simulation_, step, wrenches), recording_);
   }
   others_run.ThrowIfInterrupted();
   return report;
@@ -92,8 +94,8 @@ void Runner::SetState(const KeyframeDef& state) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("set_state");
-  auto next = Take(fork1s::internal::RestartAt(simulation_, state, model_->scene().keyframes.size()),
-                   model_->origin());
+  auto next = ValueOrThrow(fork1s::internal::RestartAt(simulation_, state, model_->scene().keyframes.size()),
+                           model_->origin());
   time_before_ += simulation_.time();
   simulation_ = std::move(next.simulation);
   sensors_.reset();
@@ -124,7 +126,7 @@ void Runner::Record(const std::string& path) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("record");
-  recorder_ = std::make_unique<Recorder>(Take(Recorder::Create(path, simulation_), path));
+  recorder_ = std::make_unique<Recorder>(ValueOrThrow(Recorder::Create(path, simulation_), path));
   recorder_generation_ = ForkGeneration();
   recording_ = path;
 }
@@ -136,14 +138,14 @@ void Runner::StopRecording() {
   if (!recorder_) return;
   auto finished = recorder_->Finish();
   recorder_.reset();
-  Take(std::move(finished), recording_);
+  ValueOrThrow(std::move(finished), recording_);
 }
 
 std::string Runner::FlushRecording() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   DropRecordingOfParent();
-  if (recorder_) Take(recorder_->Flush(), recording_);
+  if (recorder_) ValueOrThrow(recorder_->Flush(), recording_);
   return recording_;
 }
 
@@ -153,11 +155,11 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   RefuseWhileRecording("set_stiffness");
   std::vector<SensorDef> actuators = actuators_;
   Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness, actuators);
-  Simulation next = Take(Continue(simulation_, std::move(scene)), model_->origin());
+  Simulation next = ValueOrThrow(Continue(simulation_, std::move(scene)), model_->origin());
   simulation_ = std::move(next);
   actuators_ = std::move(actuators);
   sensors_.reset();
-  if (error_) error_->BeginAnew("where stiffnesses changed");
+  if (error_) error_->Restart("where stiffnesses changed");
 }
 
 void Runner::SetDetail(std::optional<DetailLevel> level, std::optional<int> modes,
@@ -168,8 +170,8 @@ void Runner::SetDetail(std::optional<DetailLevel> level, std::optional<int> mode
   if (level) fidelity.level = *level;
   if (modes) fidelity.modes = *modes;
   if (recovery) fidelity.recovery = *recovery;
-  Take(simulation_.SetFidelity(fidelity), model_->origin());
-  if (error_) error_->BeginAnew("where the detail changed");
+  ValueOrThrow(simulation_.SetFidelity(fidelity), model_->origin());
+  if (error_) error_->Restart("where the detail changed");
 }
 
 std::optional<ErrorFigureReport> Runner::ErrorFigureSoFar() {
@@ -182,7 +184,7 @@ std::optional<ErrorFigureReport> Runner::ErrorFigureSoFar() {
 std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& direction, double reach) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
-  if (!rays_) rays_ = Take(RayCaster::Create(simulation_), model_->origin());
+  if (!rays_) rays_ = ValueOrThrow(RayCaster::Create(simulation_), model_->origin());
   return rays_->Cast(simulation_, origin, direction, reach);
 }
 
@@ -235,7 +237,7 @@ void Runner::Restore(const Snapshot& snapshot) {
         refuse("stiffness: joint '" + stiffness[i].first + "' had " +
                ShortNumber(snapshot.stiffness[i].second) + " and has " + ShortNumber(stiffness[i].second) +
                "; call set_stiffness with that first");
-  Take(simulation_.Restore(snapshot.simulation), model_->origin());
+  ValueOrThrow(simulation_.Restore(snapshot.simulation), model_->origin());
   time_before_ = snapshot.time_before;
   pushes_ = snapshot.pushes;
   if (error_ && snapshot.error) {

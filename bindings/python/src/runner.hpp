@@ -2,7 +2,7 @@
 #pragma once
 
 #include <fork1s/record/recording.hpp>
-#include <fork1s/sim/ask.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <map>
@@ -56,7 +56,7 @@ class Runner {
     bool estimates_error = false;
   };
   Content GetContent();
-  /// Goes on from there with the same bits. The error figure begins anew, and says so. Throws Refused.
+  /// Goes on from there with the same bits. The error figure begins again, and says so. Throws Refused.
   Runner(std::shared_ptr<const Model> model, Content content);
 
   const std::shared_ptr<const Model>& model() const { return model_; }
@@ -65,7 +65,7 @@ class Runner {
   /// move: controls move linearly over the steps, from where the last step left them, else they are held. One
   /// that is set meanwhile is where it moves to from then on.
   internal::StepTotals Step(int steps, bool move);
-  /// Goes on from this state instead, with the same controls; poses of driven bases count from there anew.
+  /// Goes on from this state instead, with the same controls; poses of driven bases count from there again.
   void SetState(const KeyframeDef& state);
   /// Largest difference [rad or m] between a joint coordinate as SetState was given it and what it became with loops
   /// closed; 0 before the first.

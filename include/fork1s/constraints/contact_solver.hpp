@@ -51,15 +51,16 @@ struct ContactConstraint {
   /// alike, as the stiffest of them. Along a tangent with a smaller a_k R_t is larger by (max a/a_k)².
   double compliance_normal = 0, compliance_tangent = 0;
   /// m/s by which the normal gives at most: what presses harder meets stiffer material, R_n = give/λ_n.
-  double give = std::numeric_limits<double>::infinity();
-  Vector3 held = Vector3::Zero();  // λ₀, in this frame
-  double held_use = 0;             // `use` of the last step
-  double use = 0;                  // out: |y| as a share of µ λ_n: above 1 it slides
-  Vector3 held_moment = Vector3::Zero();
-  bool waits = false;  // it is likely to stay open, and takes part only where the others alone would close it
+  double max_penetration_speed = std::numeric_limits<double>::infinity();
+  Vector3 previous_impulse = Vector3::Zero();  // λ₀, in this frame
+  double previous_utilization = 0;             // of the last step
+  double utilization = 0;                      // out: |y| as a share of µ λ_n: above 1 it slides
+  Vector3 previous_moment = Vector3::Zero();
+  bool may_be_deferred =
+      false;  // it is likely to stay open, and takes part only where the others alone would close it
 
   /// Whether a solve begins without it.
-  bool IsDeferred() const { return waits && impulse.isZero(0); }
+  bool IsDeferred() const { return may_be_deferred && impulse.isZero(0); }
   /// First row of w [m/s] at stacked velocities; below 0 it closes.
   double NormalSpeed(const Eigen::Ref<const VectorX>& velocities) const {
     double w = bias[0];
@@ -84,8 +85,8 @@ struct LimitConstraint {
   double impulse = 0;  // in: warm start; out: solution
   double lower = 0;    // of the impulse
   double upper = std::numeric_limits<double>::infinity();
-  double compliance = 0;  // R, as of contacts
-  double held = 0;        // impulse of the last step, of rows that must not creep
+  double compliance = 0;        // R, as of contacts
+  double previous_impulse = 0;  // impulse of the last step, of rows that must not creep
 };
 
 struct ContactSolverOptions {
@@ -93,7 +94,7 @@ struct ContactSolverOptions {
   int max_newton_iterations = 60;
   /// Contact gives no more than this share of the inverse mass at it: an impact within a step leaves no more
   /// of its speed, however soft the material.
-  double most_give = 1e-3;
+  double max_relative_regularization = 1e-3;
 };
 
 struct ContactSolverReport {
@@ -101,7 +102,7 @@ struct ContactSolverReport {
   int newton_iterations = 0;
   /// What helped Newton: 0 nothing; 1 rounds with frozen bounds of friction; 2 those through softer contact;
   /// 3 the path of answers from none of the friction to all of it.
-  int stage = 0;
+  int fallback = 0;
   double residual = 0;          // of the velocities that contact changes, as `tolerance`
   double residual_impulse = 0;  // N·s: what the largest contact impulse is off by, by that measure
   double residual_speed = 0;    // m/s: likewise of the largest change of a contact velocity

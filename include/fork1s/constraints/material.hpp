@@ -21,7 +21,7 @@ struct ContactMaterial {
 
 inline void SetMaterial(const ContactMaterial& material, double gap, double h, ContactConstraint& c) {
   const double k = material.stiffness, tau = material.relaxation_steps * h;
-  c.give = material.depth / (h + tau);
+  c.max_penetration_speed = material.depth / (h + tau);
   c.compliance_normal = 1 / (h * (h + tau) * k);
   c.compliance_tangent = 1 / (h * h * k);
   c.bias[0] = gap > 0 ? gap / h : std::max(gap / (h + tau), -material.max_push_speed);

@@ -165,7 +165,7 @@ struct PathElementDef {
 /// What a path makes of its elements (docs/method.md, section 5).
 enum class PathKind {
   /// A tendon through space. Every branch begins and ends with a point, obstacles stand between points.
-  kThread,
+  kTendon,
   /// A rod of length `rod` from the point elements[1] to a pin on the z axis of elements[0]: where on that
   /// axis the pin is, on the side from which the rod pushes up the axis.
   kSliderCrank,
@@ -179,13 +179,13 @@ enum class PathKind {
 struct PathDef {
   std::string name;
   std::vector<PathElementDef> elements;
-  PathKind kind = PathKind::kThread;
+  PathKind kind = PathKind::kTendon;
   double rod = 0;                  // m, of a slider-crank
   Vector6 gear = Vector6::Zero();  // [moment; force] per unit of force, of a wrench
 };
 
 /// A path as a length: gear times how much longer it is than at the reference.
-struct PathUse {
+struct PathRef {
   int path = -1;  // index in MechanismDef::paths; -1: none
   double gear = 1;
 };
@@ -199,7 +199,7 @@ struct SpringDef {
   double stiffness = 0;  // N/m or N·m/rad of the length
   double damping = 0;
   double rest = 0;  // length at which it is unloaded
-  PathUse along = {};
+  PathRef along = {};
   // Beyond what is linear, per power: N/m² and N/m³ of the stretch s from rest, N·s²/m² and N·s³/m³ of its
   // rate v, or those of an angle. The force is -(k s + k₂ s² + k₃ s³) - (d v + d₂ v |v| + d₃ v³).
   std::array<double, 2> higher_stiffness = {}, higher_damping = {};
@@ -214,7 +214,7 @@ struct DryFrictionDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;
   double force = 0;  // N, or N·m where the length is an angle
-  PathUse along = {};
+  PathRef along = {};
 };
 
 /// A stop: the length Σ coefficient q stays within [lower, upper], as a rope that is not longer than it is.
@@ -224,7 +224,7 @@ struct LengthLimitDef {
   std::vector<std::pair<FreedomRef, double>> terms;
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
-  PathUse along = {};
+  PathRef along = {};
 };
 
 /// A servo or motor that can give no more: f = Σ share gain u - stiffness (ℓ - rest) - damping dℓ/dt on the
@@ -239,7 +239,7 @@ struct ForceLimitDef {
   double rest = 0;                                          // of the length
   double lower = -std::numeric_limits<double>::infinity();  // N or N·m
   double upper = std::numeric_limits<double>::infinity();
-  PathUse along = {};
+  PathRef along = {};
 };
 
 /// How the activation a of a control, by which its force is gain·a, follows its input u.
@@ -263,7 +263,7 @@ struct ControlDef {
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
   double initial = 0;
-  PathUse along = {};
+  PathRef along = {};
   ControlDynamics dynamics = ControlDynamics::kNone;
   double time_constant = 0;  // s, above 0, of a lag, and of a muscle whose activation rises
   // Of the activation, in units of u, or u·s where it is integrated; it stops at its bounds.
@@ -290,7 +290,7 @@ struct MuscleDef {
   double vmax = 1.5;              // 1/s: dL/dt at which it gives nothing
   double fpmax = 1.3;             // twice F_P half way from L = 1 to lmax; it is linear beyond
   double fvmax = 1.2;             // F_V where it is lengthened fast
-  PathUse along = {};
+  PathRef along = {};
 };
 
 /// Suction: the force [N] gain · (activation or input of a control), within its bounds, pulls the shapes of a body and

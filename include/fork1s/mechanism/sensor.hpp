@@ -65,7 +65,7 @@ struct SensorFrame {
 struct SensorActuator {
   int mechanism = -1;  // of the scene
   std::vector<std::pair<FreedomRef, double>> terms;
-  PathUse along = {};
+  PathRef along = {};
   double at_reference = 0;
   std::vector<std::pair<std::string, double>> inputs;  // ControlDef::name, gain
   std::string muscle;                                  // MuscleDef::name, whose force is added; empty: none
@@ -93,7 +93,7 @@ struct SensorDef {
   // plus that of a path; of kBall...: the freedoms of the joint.
   int mechanism = -1;  // of the scene; -1: the length does not change
   std::vector<std::pair<FreedomRef, double>> terms;
-  PathUse along = {};
+  PathRef along = {};
   double at_reference = 0;  // kPotentialEnergy: J, of bodies that stand still
   double lower =
       -std::numeric_limits<double>::infinity();  // limits of the length; k...ActuatorForce: of the force

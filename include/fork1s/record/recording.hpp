@@ -199,7 +199,7 @@ std::vector<std::size_t> FirstOfEachFrame(const std::vector<double>& times, doub
 
 /// For programs, before anything else of this room: HDF5 shall not tidy up when the program ends. Files here
 /// close themselves, and what HDF5 keeps of a damaged one makes its tidying run in circles and print so.
-void LeaveHdf5AsItIsAtExit();
+void DisableHdf5Cleanup();
 
 struct ReplayResult {
   int steps = 0;                   // replayed

@@ -14,7 +14,7 @@ namespace fork1s {
 inline constexpr int kRecoveryBuffersVersion = 1;
 
 /// The model about its present reference as two buffers, in the order of Simulation::bodies(). To be made
-/// anew once IsOf says that the reference has moved; from frame to frame only WriteFrame is asked.
+/// again once IsOf says that the reference has moved; from frame to frame only WriteFrame is asked.
 ///
 ///     RecoveryBuffers buffers(*simulation);          // upload tables() and numbers()
 ///     simulation->Step();

@@ -14,7 +14,7 @@ namespace fork1s {
 
 namespace internal {
 template <class Real>
-class PoseRoad;
+class PoseBackend;
 }
 
 /// Poses as rows: nine entries of the rotation, by rows, then three of the translation [m]. Entry i of pose k
@@ -48,7 +48,7 @@ struct LoopClosing {
 };
 
 /// The map from reduced coordinates to poses about one reference, laid out for wide registers. To be made
-/// anew after a refresh.
+/// again after a refresh.
 ///
 /// - kTwist: X_RB = Exp(T_B z) X_RB(q_ref). In f64 it is RecoverPosesTwist to 1e-14 of the mechanism's
 ///   size; in f32 rotations are off by less than 5e-7 and translations by that times the distance from the
@@ -89,7 +89,7 @@ class PoseRecovery {
                           PoseArrays<Real>* out) const;
 
  private:
-  std::unique_ptr<internal::PoseRoad<Real>> road_;
+  std::unique_ptr<internal::PoseBackend<Real>> backend_;
 };
 
 extern template class PoseArrays<float>;

@@ -1,4 +1,4 @@
-// The compliance that interface bodies feel, by two roads.
+// The compliance that interface bodies feel, by two methods.
 #pragma once
 
 #include <fork1s/base/error.hpp>

@@ -10,7 +10,7 @@ struct ReducedModel;
 
 /// N = ∂²µ/∂z² at the reference [m x r x r, symmetric in the last two], of q = q_ref + Q z - B µ with loops
 /// closed: c = 0 to second order in z asks for µ = ½ N[z, z], N = (A_ref B)⁻¹ D²c[Q, Q]. Rows of loops that
-/// hear each other have the columns that move those.
+/// depend on each other have the columns that move those.
 class LoopCurvature {
  public:
   LoopCurvature() = default;

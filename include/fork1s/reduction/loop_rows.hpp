@@ -1,4 +1,4 @@
-// The rows that keep loops closed, each with the few coordinates that it hears: docs/method.md, section 2.
+// The rows that keep loops closed, each with the few coordinates that it depends on: docs/method.md, section 2.
 #pragma once
 
 #include <fork1s/linalg/multifrontal_lu.hpp>
@@ -7,7 +7,7 @@
 
 namespace fork1s {
 
-/// Independent rows of the closure Jacobian A = ∂c/∂q by closure: a closure hears the coordinates between its
+/// Independent rows of the closure Jacobian A = ∂c/∂q by closure: a closure depends on the coordinates between its
 /// two bodies and no others. Closures that share none, over however many others, form groups of their own,
 /// which are factored apart. Holds where values stand; the values of a pose are arrays of the caller.
 class LoopRows {
@@ -36,7 +36,7 @@ class LoopRows {
   /// X -= Aᵀ Y by as many columns as X has.
   void SubtractTransposed(const VectorX& A, const RowMatrixX& Y, RowMatrixX& X) const;
 
-  /// Coordinates that hear each other through loops, group by group.
+  /// Coordinates that depend on each other through loops, group by group.
   std::vector<std::vector<int>> GroupCoordinates() const;
   /// Rows of each such group, which stand together in the same order.
   std::vector<int> GroupSizes() const;
@@ -53,7 +53,7 @@ class LoopRows {
     int stride = 0;       // of its values from coordinate to coordinate: rows in whole fours
     Eigen::Index at = 0;  // of its values: coordinate by coordinate, rows together
   };
-  struct Shared {  // values of a coordinate that two blocks hear
+  struct Shared {  // values of a coordinate that two blocks depend on
     Eigen::Index a, b;
   };
   struct Pair {

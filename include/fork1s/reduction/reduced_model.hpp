@@ -1,7 +1,7 @@
 // The reduced model: a mechanism seen from its interface bodies, about one pose.
 //
 // docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z (+ loop correction). Joint
-// coordinates that hear each other while the base is held (a finger) have columns of Q of their own,
+// coordinates that depend on each other while the base is held (a finger) have columns of Q of their own,
 // which stand together: in this order free directions N (no spring), elastic directions V Y_r that the
 // interface can feel, fixed-interface modes, and load columns (static answers of the rest to loads). In these
 // coordinates the stiffness is diagonal, 0 for free directions and 1 else.
@@ -150,11 +150,11 @@ struct Configuration {
 
   // Loop scratch, m independent rows in the order of LoopRows.
   VectorX c_all, c, d, q_bar, q_move;
-  VectorX A;                        // of those rows at q
-  RowMatrixX W;                     // m x r in whole fours of columns: ∂µ/∂z
-  LoopFactor factor;                // of A B at some pose before
-  VectorX q_bar_before, mu_before;  // of that pose
-  bool foresees = false;            // its loops were closed: these tell how µ goes on
+  VectorX A;                           // of those rows at q
+  RowMatrixX W;                        // m x r in whole fours of columns: ∂µ/∂z
+  LoopFactor factor;                   // of A B at some pose before
+  VectorX q_bar_before, mu_before;     // of that pose
+  bool has_tangent_predictor = false;  // its loops were closed: these tell how µ goes on
 };
 
 constexpr int kMostCorrections = 60;
@@ -177,6 +177,6 @@ void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Confi
 /// Joint forces g without what the loops' reactions take: g -= Aᵀ(A B)⁻ᵀ Bᵀ g at the pose of `c`, what forces
 /// do on displacements that are closed along B; with curvature nothing, since µ does not follow such
 /// displacements there. No allocation.
-void ProjectOnLoops(const ReducedModel& model, Configuration& c, VectorX& g);
+void RemoveConstraintReactions(const ReducedModel& model, Configuration& c, VectorX& g);
 
 }  // namespace fork1s

@@ -19,7 +19,7 @@ Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double
 ///     softer->free_bodies.push_back(second_ball);
 ///     auto next = Continue(simulation, std::move(*softer));          // Expected<Simulation>
 ///
-/// Contacts are found anew. The time goes on, and controls of a base that was driven before count from where
+/// Contacts are found again. The time goes on, and controls of a base that was driven before count from where
 /// they did, so set-points over time need no shift. Takes milliseconds.
 /// Errors: as of Simulation::Create; `from` stays as it is.
 Expected<Simulation> Continue(const Simulation& from, Scene scene);

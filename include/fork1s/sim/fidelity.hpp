@@ -45,7 +45,7 @@ struct FidelityTrack {
 
 /// A free body that is part of a mechanism as long as its contacts are frozen. Where several mechanisms hold
 /// it they are one as long as they do.
-struct Hold {
+struct FrozenGrasp {
   struct Contact {
     int mechanism = 0;                  // of the scene
     std::string body;                   // of that mechanism
@@ -71,7 +71,7 @@ struct MechanismPlace {
 
 /// Force of one frozen contact. Where no yielding decides how contacts share a load, several on one pair of
 /// bodies or stretched fingers against each other, they keep the share they had when they were frozen.
-struct HoldForce {
+struct FrozenContactForce {
   int body = -1;                       // that holds, place in Simulation::bodies()
   int held = -1;                       // the same of what is held
   Vector3 point_W = Vector3::Zero();   // m

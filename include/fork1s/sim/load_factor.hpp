@@ -7,7 +7,7 @@
 namespace fork1s {
 
 /// Of the contacts of the last step, frozen ones as if they rolled: docs/method.md, section 6. While contacts
-/// are frozen, every mechanism is reduced anew for it, which takes milliseconds.
+/// are frozen, every mechanism is reduced again for it, which takes milliseconds.
 LoadFactor ComputeLoadFactor(const Simulation& simulation);
 
 }  // namespace fork1s

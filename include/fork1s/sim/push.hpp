@@ -36,7 +36,7 @@ struct PushTrack {
   static Expected<Push> Parse(const std::string& text, const std::string& option);
   /// Takes the columns force:BODY[@PX,PY,PZ]:AXIS and torque:... out of a track of controls. Errors: kFormat
   /// with `where` as place.
-  static Expected<PushTrack> TakeFrom(ControlTrack& track, const std::string& where);
+  static Expected<PushTrack> ExtractFrom(ControlTrack& track, const std::string& where);
 
   /// Bodies that the simulation does not have.
   std::vector<std::string> FindMissing(const Simulation& simulation) const;

@@ -52,7 +52,7 @@ class Sensors {
   int BodyOf(const SensorBody& body) const;  // place in Simulation::bodies(), -1: the world
   Frame FrameOf(const Simulation& simulation, const SensorFrame& frame) const;
   Mechanism::Length LengthFrom(const Simulation& simulation, int mechanism,
-                               const std::vector<std::pair<FreedomRef, double>>& terms, const PathUse& along);
+                               const std::vector<std::pair<FreedomRef, double>>& terms, const PathRef& along);
   Scalar LengthOf(const Simulation& simulation, int mechanism, const Mechanism::Length& length,
                   double at_reference) const;
   Scalar LengthOf(const Simulation& simulation, std::size_t sensor) const;

@@ -74,15 +74,15 @@ class Simulation {
   /// model can follow them. kObject freezes the contacts of every free body that two or more bodies of
   /// mechanisms press on, and makes one of mechanisms that hold it together; other levels let go again.
   /// Errors leave everything as it was: kModel where nothing is held, mechanisms cannot be joined or one
-  /// cannot be reduced to the bodies asked for. Builds the world anew: milliseconds. `known_holds`: what
+  /// cannot be reduced to the bodies asked for. Builds the world again: milliseconds. `known_grasps`: what
   /// kObject freezes where contacts do not tell it, before the first step: holds() of another simulation of
   /// the same bodies.
-  Expected<void> SetFidelity(const Fidelity& fidelity, const std::vector<Hold>& known_holds = {});
+  Expected<void> SetFidelity(const Fidelity& fidelity, const std::vector<FrozenGrasp>& known_grasps = {});
   const Fidelity& fidelity() const { return fidelity_; }
   /// What is frozen at present.
-  const std::vector<Hold>& holds() const { return holds_; }
+  const std::vector<FrozenGrasp>& frozen_grasps() const { return frozen_grasps_; }
   /// Forces of the frozen contacts after the last step, in the order of holds().
-  std::vector<HoldForce> HoldForces() const;
+  std::vector<FrozenContactForce> FrozenContactForces() const;
   /// The present state as a keyframe of scene().
   KeyframeDef State() const;
   /// Where a mechanism of scene() stands in world(): elsewhere than at its own place only while it holds
@@ -108,7 +108,7 @@ class Simulation {
   /// Place in bodies() of a body of world(): of a mechanism, or -1 and a free body.
   int BodyOf(int mechanism, int index) const;
   /// Place in bodies() of a collision body of world(), -1: the still world.
-  int BodyOfContactor(int contactor) const;
+  int BodyOfCollisionBody(int collision_body) const;
 
   /// Inputs: the controls of all mechanisms, then for every driven base six coordinates BASE.x .y .z (m) and
   /// .rx .ry .rz (rotation vector, rad), all relative to its initial pose.
@@ -189,7 +189,7 @@ class Simulation {
     std::int64_t steps = 0;
     VectorX controls, last_controls, base_rates;
     Fidelity fidelity;
-    std::vector<Hold> holds;
+    std::vector<FrozenGrasp> frozen_grasps;
     std::shared_ptr<const Scene> made_of;    // present_scene() of then
     int keyframe = -1;                       // at which that world was made
     std::vector<RigidTransform> base_start;  // where the controls of driven bases count from
@@ -224,7 +224,7 @@ class Simulation {
   int world_keyframe_ = -1;                              // of present_scene_, at which world_ was made
   std::vector<std::shared_ptr<const Mechanism>> given_;  // mechanisms of scene_, built
   Fidelity fidelity_;
-  std::vector<Hold> holds_;
+  std::vector<FrozenGrasp> frozen_grasps_;
   std::vector<MechanismPlace> places_;  // per mechanism of scene_
   SimulationOptions options_;
   StepOptions step_options_;

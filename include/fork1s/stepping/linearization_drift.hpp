@@ -1,4 +1,4 @@
-// Why a reduction is computed anew about the present pose (docs/method.md, Relinearization).
+// Why a reduction is computed again about the present pose (docs/method.md, Relinearization).
 #pragma once
 
 namespace fork1s {

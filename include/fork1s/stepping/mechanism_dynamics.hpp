@@ -12,8 +12,8 @@
 namespace fork1s {
 
 struct MechanismModel;  // insides of src/stepping
-struct MechanismStep;
-struct MechanismView;
+struct StepContext;
+struct ConstStepContext;
 struct MechanismWorkspace;
 
 class MechanismDynamics {
@@ -31,8 +31,8 @@ class MechanismDynamics {
   MechanismDynamics& operator=(MechanismDynamics&&) noexcept;
 
   /// So that functions of a step take it.
-  operator MechanismStep();
-  operator MechanismView() const;
+  operator StepContext();
+  operator ConstStepContext() const;
   /// All that stands between refreshes.
   const MechanismModel& step_model() const { return *model_; }
 

@@ -68,8 +68,8 @@ struct StepOptions {
 struct StepSubject {
   enum class Kind { kNone, kMechanism, kFreeBody, kServo, kSpring, kStop, kContact, kCoordinate };
   Kind kind = Kind::kNone;
-  int index = -1;  // mechanism, free body, or first contactor of a contact
-  int part = -1;   // servo, spring, stop or joint coordinate of the mechanism, or second contactor
+  int index = -1;  // mechanism, free body, or first collision body of a contact
+  int part = -1;   // servo, spring, stop or joint coordinate of the mechanism, or second collision body
 };
 
 /// Why a step was taken as two of half the length.
@@ -116,7 +116,7 @@ struct StepReport {
 };
 
 /// What a collision body stands for.
-struct Contactor {
+struct CollisionBody {
   enum class Kind { kWorld, kGroup, kFreeBody };
   Kind kind = Kind::kWorld;
   int index = 0;  // mechanism or free body
@@ -154,15 +154,15 @@ class World {
   /// Contacts as they were found at the start of the last step; some of them were not touched in it. Those of
   /// contacts() lie where its last stage ends.
   const std::vector<ContactPoint>& start_points() const;
-  const std::vector<Contactor>& contactors() const;
+  const std::vector<CollisionBody>& collision_bodies() const;
   /// One per SwitchedClosureDef, by mechanism and in the order of its definition.
   const std::vector<SwitchedClosureRecord>& switched_closures() const;
-  /// Pairs of contactors() that the collision detector tests, the smaller index first, sorted.
+  /// Pairs of collision_bodies() that the collision detector tests, the smaller index first, sorted.
   std::vector<std::pair<int, int>> PairsThatMayTouch() const;
   /// Pose of a collision body when contacts() were found: at the start of the last step.
-  const RigidTransform& PoseAtDetection(int contactor) const;
-  /// A shape of a contactor, as the points of contacts() name it.
-  const GeometryDef& geometry(int contactor, int geometry) const;
+  const RigidTransform& PoseAtDetection(int collision_body) const;
+  /// A shape of a collision body, as the points of contacts() name it.
+  const GeometryDef& geometry(int collision_body, int geometry) const;
   /// Radius [m] of the smaller of the two shapes of a contact.
   double PairSize(const ContactPoint& point) const;
   const std::vector<std::string>& warnings() const;

@@ -22,7 +22,7 @@ struct ContactRecord {
   Vector3 pull = Vector3::Zero();
   double friction = 0;               // of the step as solved; that of `point` is of the shapes
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
-  double use = 0;                    // of the cone, above 1 where it slides
+  double utilization = 0;            // of the cone, above 1 where it slides
   // At the end of the step, from which the tangential springs of the next one start; `impulse` is the whole step's.
   Vector3 end_force = Vector3::Zero();   // N
   Vector3 end_moment = Vector3::Zero();  // N·m
@@ -49,7 +49,7 @@ struct WorldState {
   // Contact of the last step, from which the next one starts.
   std::vector<ContactRecord> contacts;
   double contacts_h = 0;  // s, of the step that gave them their impulses
-  std::vector<RigidTransform> contactor_poses;
+  std::vector<RigidTransform> collision_body_poses;
   std::array<double, 2> contraction = {1,
                                        1};  // of Newton's iteration in first and second stages; 1: not known
   struct Rows {                             // per mechanism

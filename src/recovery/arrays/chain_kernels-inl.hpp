@@ -74,7 +74,7 @@ HWY_INLINE void LinkBlock(const OneMap<Real>& map, int i, const Real* HWY_RESTRI
     auto turn = hn::Zero(d);
     const Real* HWY_RESTRICT weight = map.weights + static_cast<std::size_t>(first) * block + lane;
     for (int k = first; k < last; ++k, weight += block)
-      turn = hn::MulAdd(hn::Load(d, weight), hn::Set(d, y[map.heard[k]]), turn);
+      turn = hn::MulAdd(hn::Load(d, weight), hn::Set(d, y[map.inputs[k]]), turn);
     hn::Vec<decltype(d)> entries[12], sine, versine;
     SineAndVersine(d, turn, sine, versine);
     LinkAt(d, map.constants + static_cast<std::size_t>(i) * kLinkRows * block + lane, block, turn, sine,
@@ -162,18 +162,18 @@ HWY_EXPORT(OneDouble);
 HWY_EXPORT(PutFloat);
 HWY_EXPORT(PutDouble);
 
-void WalkStates(const LinkMap<float>& map, const float* y, std::size_t y_stride, std::size_t states,
-                const Place<float>* places) {
+void ForwardKinematicsBatch(const LinkMap<float>& map, const float* y, std::size_t y_stride,
+                            std::size_t states, const Place<float>* places) {
   HWY_DYNAMIC_DISPATCH(WalkFloat)(map, y, y_stride, states, places);
 }
-void WalkStates(const LinkMap<double>& map, const double* y, std::size_t y_stride, std::size_t states,
-                const Place<double>* places) {
+void ForwardKinematicsBatch(const LinkMap<double>& map, const double* y, std::size_t y_stride,
+                            std::size_t states, const Place<double>* places) {
   HWY_DYNAMIC_DISPATCH(WalkDouble)(map, y, y_stride, states, places);
 }
-void WalkOne(const OneMap<float>& map, const float* y, float* X) {
+void ForwardKinematicsSingle(const OneMap<float>& map, const float* y, float* X) {
   HWY_DYNAMIC_DISPATCH(OneFloat)(map, y, X);
 }
-void WalkOne(const OneMap<double>& map, const double* y, double* X) {
+void ForwardKinematicsSingle(const OneMap<double>& map, const double* y, double* X) {
   HWY_DYNAMIC_DISPATCH(OneDouble)(map, y, X);
 }
 void PutPoses(const float* X, int slots, int begin, int end, float* out, std::size_t stride) {

@@ -39,7 +39,7 @@ template <class Real>
 struct LinkMap {
   const Link* links = nullptr;
   int count = 0;
-  const int* heard = nullptr;
+  const int* inputs = nullptr;
   const Real* weights = nullptr;
   const Real* constants = nullptr;
 };
@@ -53,19 +53,19 @@ struct Place {
 
 /// Poses of all links for `states` states, a multiple of kBlock. Entry k of y for state i is
 /// y[k * y_stride + i], on cache lines.
-void WalkStates(const LinkMap<float>& map, const float* y, std::size_t y_stride, std::size_t states,
-                const Place<float>* places);
-void WalkStates(const LinkMap<double>& map, const double* y, std::size_t y_stride, std::size_t states,
-                const Place<double>* places);
+void ForwardKinematicsBatch(const LinkMap<float>& map, const float* y, std::size_t y_stride,
+                            std::size_t states, const Place<float>* places);
+void ForwardKinematicsBatch(const LinkMap<double>& map, const double* y, std::size_t y_stride,
+                            std::size_t states, const Place<double>* places);
 
 /// Links of one state in blocks of kBlock in the order in which they are walked, every parent before its
 /// children.
 template <class Real>
 struct OneMap {
   int count = 0, slots = 0;
-  const int *slot = nullptr, *parent = nullptr;  // parent: `slots` for the root
-  const int *first = nullptr, *heard = nullptr;  // of block i heard[first[i]] up to heard[first[i + 1]]
-  const Real* weights = nullptr;                 // kBlock for each of these
+  const int *slot = nullptr, *parent = nullptr;   // parent: `slots` for the root
+  const int *first = nullptr, *inputs = nullptr;  // of block i inputs[first[i]] up to inputs[first[i + 1]]
+  const Real* weights = nullptr;                  // kBlock for each of these
   const Real* constants = nullptr;  // of a block: 39 rows, as a screw has them; 0 where it has not
   const int* twist = nullptr;       // which twist a link has, -1: none; nullptr: none has one
   const Real* twists = nullptr;     // their poses in their parents, twelve rows
@@ -74,8 +74,8 @@ struct OneMap {
 
 /// Poses by columns: column k of slot s begins at X[(k * (slots + 1) + s) * 4], its fourth number is not
 /// used. The slot behind the last is the root.
-void WalkOne(const OneMap<float>& map, const float* y, float* X);
-void WalkOne(const OneMap<double>& map, const double* y, double* X);
+void ForwardKinematicsSingle(const OneMap<float>& map, const float* y, float* X);
+void ForwardKinematicsSingle(const OneMap<double>& map, const double* y, double* X);
 /// Rows of PoseArrays from the columns of slots begin to end; begin is a multiple of kBlock. Reads and writes
 /// whole blocks.
 void PutPoses(const float* X, int slots, int begin, int end, float* out, std::size_t stride);

@@ -79,7 +79,7 @@ CoordinateForms::CoordinateForms(const ReducedModel& model, const VectorX& unit)
 
 LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& forms) {
   LinkTables<double> out;
-  auto& [links, heard, weights, constants, screws, slots] = out;
+  auto& [links, inputs, weights, constants, screws, slots] = out;
   const auto& bodies = mechanism.bodies();
   const auto& joints = mechanism.joints();
   slots = mechanism.num_bodies();
@@ -87,7 +87,7 @@ LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& 
   const auto add = [&](Link link, const std::vector<double>& values) {
     link.constants = constants.size();
     constants.insert(constants.end(), values.begin(), values.end());
-    link.last = static_cast<int>(heard.size());
+    link.last = static_cast<int>(inputs.size());
     links.push_back(link);
     screws.push_back({});
   };
@@ -95,14 +95,14 @@ LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& 
     Link link;
     link.slot = slot;
     link.parent = previous < 0 ? -1 : slot_of_joint[static_cast<std::size_t>(previous)];
-    link.first = static_cast<int>(heard.size());
+    link.first = static_cast<int>(inputs.size());
     link.weights = weights.size();
     return link;
   };
   const auto frame = [&](int joint) {
     return joint < 0 ? RigidTransform() : bodies[joints[static_cast<std::size_t>(joint)].body.u()].X_RB0;
   };
-  const auto hear = [&](const CoordinateForms::Term& term) { heard.push_back(term.first); };
+  const auto add_input = [&](const CoordinateForms::Term& term) { inputs.push_back(term.first); };
 
   std::size_t j = 0;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
@@ -125,7 +125,7 @@ LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& 
         const double turn = TurnPerCoordinate(s);
         const ScrewConstants screw(C, s.head<3>() / turn, s.tail<3>() / turn);
         for (const auto& term : forms.of(joint.offset)) {
-          hear(term);
+          add_input(term);
           weights.push_back(turn * term.second);
         }
         link.kind = screw.kind;
@@ -133,7 +133,7 @@ LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& 
         screws.back() = screw.screw;
         continue;
       }
-      // Exp(x) behind C is Exp(Ad(C) x) before it; every entry of y that any of its freedoms hears.
+      // Exp(x) behind C is Exp(Ad(C) x) before it; every entry of y that any of its freedoms depends on.
       std::vector<Vector6> of_entry(static_cast<std::size_t>(forms.size()), Vector6::Zero());
       std::vector<bool> is_heard(of_entry.size(), false);
       is_heard[0] = true;
@@ -146,7 +146,7 @@ LinkTables<double> MakeLinks(const Mechanism& mechanism, const CoordinateForms& 
       }
       for (std::size_t entry = 0; entry < of_entry.size(); ++entry) {
         if (!is_heard[entry]) continue;
-        heard.push_back(static_cast<int>(entry));
+        inputs.push_back(static_cast<int>(entry));
         weights.insert(weights.end(), of_entry[entry].data(), of_entry[entry].data() + 6);
       }
       link.kind = LinkKind::kTwist;

@@ -31,7 +31,7 @@ class CoordinateForms {
 template <class Real>
 struct LinkTables {
   std::vector<Link> links;
-  std::vector<int> heard;
+  std::vector<int> inputs;
   std::vector<Real> weights, constants;
   // Of every link behind its pose C at θ = 0: ω, ω × v and the slide with θ, (ω·v) ω; 0 where it has none.
   std::vector<std::array<Real, 9>> screws;
@@ -41,7 +41,7 @@ struct LinkTables {
   template <class Other>
   explicit LinkTables(const LinkTables<Other>& other)
       : links(other.links),
-        heard(other.heard),
+        inputs(other.inputs),
         weights(other.weights.begin(), other.weights.end()),
         constants(other.constants.begin(), other.constants.end()),
         slots(other.slots) {
@@ -49,7 +49,7 @@ struct LinkTables {
       std::copy(screw.begin(), screw.end(), screws.emplace_back().begin());
   }
   LinkMap<Real> Map() const {
-    return {links.data(), static_cast<int>(links.size()), heard.data(), weights.data(), constants.data()};
+    return {links.data(), static_cast<int>(links.size()), inputs.data(), weights.data(), constants.data()};
   }
 };
 

@@ -22,7 +22,7 @@ HWY_INLINE V LinkTurn(D d, const LinkMap<Real>& map, const Link& link, const Rea
   V turn = hn::Set(d, *weight++);
   for (int k = link.first + 1; k < link.last; ++k)
     turn = hn::MulAdd(hn::Set(d, *weight++),
-                      hn::Load(d, y + static_cast<std::size_t>(map.heard[k]) * y_stride), turn);
+                      hn::Load(d, y + static_cast<std::size_t>(map.inputs[k]) * y_stride), turn);
   return turn;
 }
 
@@ -39,7 +39,7 @@ HWY_INLINE void LinkPose(D d, const LinkMap<Real>& map, const Link& link, const 
     }
     for (int k = link.first + 1; k < link.last; ++k) {
       weight += 6;
-      const V value = hn::Load(d, y + static_cast<std::size_t>(map.heard[k]) * y_stride);
+      const V value = hn::Load(d, y + static_cast<std::size_t>(map.inputs[k]) * y_stride);
       for (int i = 0; i < 3; ++i) {
         w[i] = hn::MulAdd(hn::Set(d, weight[i]), value, w[i]);
         v[i] = hn::MulAdd(hn::Set(d, weight[3 + i]), value, v[i]);

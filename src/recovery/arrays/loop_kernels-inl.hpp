@@ -151,7 +151,7 @@ class Closer {
     V sum = hn::Zero(d_);
     for (int k = first; k < last; ++k)
       sum = hn::MulAdd(hn::Set(d_, map_.weights[k]),
-                       hn::Load(d_, y_ + static_cast<std::size_t>(map_.heard[k]) * y_stride_), sum);
+                       hn::Load(d_, y_ + static_cast<std::size_t>(map_.inputs[k]) * y_stride_), sum);
     return sum;
   }
 

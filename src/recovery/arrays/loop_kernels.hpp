@@ -6,7 +6,7 @@
 
 namespace fork1s::internal {
 
-/// ν of loops that hear each other by their curvature: rows of N[z, z]/2, by pairs of entries of y.
+/// ν of loops that depend on each other by their curvature: rows of N[z, z]/2, by pairs of entries of y.
 struct BendGroup {
   int entry = 0, rows = 0;  // of y
   int first_pair = 0, pairs = 0;
@@ -50,7 +50,7 @@ struct LoopMap {
   int num_closures = 0;
   const CouplingRow<Real>* couplings = nullptr;
   int num_couplings = 0;
-  const int* heard = nullptr;
+  const int* inputs = nullptr;
   const Real* weights = nullptr;
   const LoopGroup* groups = nullptr;
   int num_groups = 0;

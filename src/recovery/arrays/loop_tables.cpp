@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "pose_road.hpp"
+#include "pose_backend.hpp"
 
 namespace fork1s::internal {
 
@@ -92,12 +92,12 @@ void LoopTables<double>::FillClosures(const ReducedModel& model, const LoopUnits
     if (link.parent >= 0) link.parent = slot[static_cast<std::size_t>(link.parent)];
     links_.push_back(link);
   }
-  const auto hear = [&](int coordinate, double coefficient) {
+  const auto add_input = [&](int coordinate, double coefficient) {
     for (const auto& [entry, weight] : forms.of(coordinate)) {
-      heard_.push_back(entry);
+      inputs_.push_back(entry);
       weights_.push_back(coefficient * weight);
     }
-    return static_cast<int>(heard_.size());
+    return static_cast<int>(inputs_.size());
   };
   int last = -1;
   for (int k = 0; k < rows_; ++k) {
@@ -122,10 +122,10 @@ void LoopTables<double>::FillClosures(const ReducedModel& model, const LoopUnits
           mechanism.couplings()[static_cast<std::size_t>(source) - all.size()];
       CouplingRow<double> row{};
       row.row = k;
-      row.first_a = static_cast<int>(heard_.size());
-      row.last_a = hear(coupling.a, 1);
-      for (const auto& [i, coefficient] : coupling.terms) row.last_a = hear(i, -coefficient);
-      row.last_b = coupling.b >= 0 ? hear(coupling.b, 1) : row.last_a;
+      row.first_a = static_cast<int>(inputs_.size());
+      row.last_a = add_input(coupling.a, 1);
+      for (const auto& [i, coefficient] : coupling.terms) row.last_a = add_input(i, -coefficient);
+      row.last_b = coupling.b >= 0 ? add_input(coupling.b, 1) : row.last_a;
       for (int i = 0; i < 5; ++i) row.polynomial[i] = coupling.polynomial[i];
       row.unit = units.unit(k);
       couplings_.push_back(row);
@@ -177,7 +177,7 @@ LoopTables<Real>::LoopTables(const LoopTables<Other>& o)
       b_(o.b_),
       N_(o.N_.begin(), o.N_.end()),
       links_(o.links_),
-      heard_(o.heard_),
+      inputs_(o.inputs_),
       weights_(o.weights_.begin(), o.weights_.end()),
       G_(o.G_.begin(), o.G_.end()),
       groups_(o.groups_) {
@@ -222,7 +222,7 @@ Closing LoopTables<Real>::Close(const LinkTables<Real>& links, Real* y, std::siz
   map.num_closures = static_cast<int>(closures_.size());
   map.couplings = couplings_.data();
   map.num_couplings = static_cast<int>(couplings_.size());
-  map.heard = heard_.data();
+  map.inputs = inputs_.data();
   map.weights = weights_.data();
   map.groups = groups_.data();
   map.num_groups = static_cast<int>(groups_.size());

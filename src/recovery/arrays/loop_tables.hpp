@@ -57,7 +57,7 @@ class LoopTables {
   std::vector<Link> links_;
   std::vector<ClosureRows<Real>> closures_;
   std::vector<CouplingRow<Real>> couplings_;
-  std::vector<int> heard_;
+  std::vector<int> inputs_;
   std::vector<Real> weights_, G_;
   std::vector<LoopGroup> groups_;
 };

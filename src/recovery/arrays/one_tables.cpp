@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "pose_road.hpp"
+#include "pose_backend.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -20,14 +20,14 @@ void TurnFar(const double* x, double* X) {
 
 template <class Real>
 void GatherWeights(const LinkTables<Real>& tables, const std::vector<int>& links, std::size_t rows,
-                   int y_size, std::vector<int>& heard, AlignedVector<Real>& weights) {
+                   int y_size, std::vector<int>& inputs, AlignedVector<Real>& weights) {
   constexpr std::size_t block = kBlock<Real>;
   std::vector<int> place(static_cast<std::size_t>(y_size), -1);
   std::vector<int> entries;
   for (const int l : links) {
     if (l < 0) continue;
     const Link& link = tables.links[static_cast<std::size_t>(l)];
-    entries.insert(entries.end(), tables.heard.begin() + link.first, tables.heard.begin() + link.last);
+    entries.insert(entries.end(), tables.inputs.begin() + link.first, tables.inputs.begin() + link.last);
   }
   std::sort(entries.begin(), entries.end());
   entries.erase(std::unique(entries.begin(), entries.end()), entries.end());
@@ -35,7 +35,7 @@ void GatherWeights(const LinkTables<Real>& tables, const std::vector<int>& links
   weights.resize(begin + entries.size() * rows * block, Real(0));
   for (std::size_t k = 0; k < entries.size(); ++k) {
     place[static_cast<std::size_t>(entries[k])] = static_cast<int>(k);
-    heard.push_back(entries[k]);
+    inputs.push_back(entries[k]);
   }
   for (std::size_t lane = 0; lane < links.size(); ++lane) {
     if (links[lane] < 0) continue;
@@ -43,7 +43,7 @@ void GatherWeights(const LinkTables<Real>& tables, const std::vector<int>& links
     const Real* weight = tables.weights.data() + link.weights;
     for (int k = link.first; k < link.last; ++k) {
       const auto at = static_cast<std::size_t>(
-          place[static_cast<std::size_t>(tables.heard[static_cast<std::size_t>(k)])]);
+          place[static_cast<std::size_t>(tables.inputs[static_cast<std::size_t>(k)])]);
       for (std::size_t row = 0; row < rows; ++row)
         weights[begin + (at * rows + row) * block + lane] = *weight++;
     }
@@ -64,7 +64,7 @@ OneTables<Real>::OneTables(const LinkTables<Real>& tables, int first, int last, 
   constexpr int block = kBlock<Real>;
   std::vector<int> twists, turning;
   for (int begin = first; begin < last; begin += block) {
-    turning.clear();  // by lane; -1: a twist, which hears nothing here
+    turning.clear();  // by lane; -1: a twist, which depends on nothing here
     const std::size_t c = constants_.size();
     constants_.resize(c + kLinkRows * block, Real(0));
     for (int l = begin; l < std::min(last, begin + block); ++l) {
@@ -79,8 +79,8 @@ OneTables<Real>::OneTables(const LinkTables<Real>& tables, int first, int last, 
       else
         PutConstants(tables, l, constants_.data() + c + (l - begin));
     }
-    GatherWeights(tables, turning, 1, y_size, heard_, weights_);
-    first_.push_back(static_cast<int>(heard_.size()));
+    GatherWeights(tables, turning, 1, y_size, inputs_, weights_);
+    first_.push_back(static_cast<int>(inputs_.size()));
   }
   twists_ = static_cast<int>(twists.size());
   for (int begin = 0; begin < twists_; begin += block) {
@@ -133,19 +133,19 @@ void OneTables<Real>::Walk(const Real* y, Real* X) const {
   map.slot = slot_.data();
   map.parent = parent_.data();
   map.first = first_.data();
-  map.heard = heard_.data();
+  map.inputs = inputs_.data();
   map.weights = weights_.data();
   map.constants = constants_.data();
   map.twist = twists_ > 0 ? twist_.data() : nullptr;
   map.twists = twists;
   map.twist_stride = twist_stride;
-  WalkOne(map, y, X);
+  ForwardKinematicsSingle(map, y, X);
 }
 
 template <class Real>
 std::size_t OneTables<Real>::BytesRead() const {
   return (weights_.size() + constants_.size() + T_.size() + C_.size()) * sizeof(Real) +
-         (slot_.size() + parent_.size() + heard_.size() + twist_heard_.size()) * sizeof(int);
+         (slot_.size() + parent_.size() + inputs_.size() + twist_heard_.size()) * sizeof(int);
 }
 
 template void GatherWeights(const LinkTables<float>&, const std::vector<int>&, std::size_t, int,

@@ -3,7 +3,7 @@
 #include <new>
 
 #include "aligned_vector.hpp"
-#include "pose_road.hpp"
+#include "pose_backend.hpp"
 
 namespace fork1s {
 
@@ -35,8 +35,8 @@ RigidTransform PoseArrays<Real>::Pose(std::size_t k) const {
 
 template <class Real>
 PoseRecovery<Real>::PoseRecovery(const ReducedModel& model, Recovery recovery)
-    : road_(recovery == Recovery::kTwist ? internal::MakeTwistRoad<Real>(model)
-                                         : internal::MakeChainRoad<Real>(model, recovery)) {}
+    : backend_(recovery == Recovery::kTwist ? internal::MakeTwistBackend<Real>(model)
+                                            : internal::MakeChainBackend<Real>(model, recovery)) {}
 
 template <class Real>
 PoseRecovery<Real>::~PoseRecovery() = default;
@@ -47,29 +47,29 @@ PoseRecovery<Real>& PoseRecovery<Real>::operator=(PoseRecovery&&) noexcept = def
 
 template <class Real>
 int PoseRecovery<Real>::bodies() const {
-  return road_->bodies();
+  return backend_->bodies();
 }
 template <class Real>
 int PoseRecovery<Real>::coordinates() const {
-  return road_->coordinates();
+  return backend_->coordinates();
 }
 template <class Real>
 std::size_t PoseRecovery<Real>::BytesMoved() const {
-  return road_->BytesMoved();
+  return backend_->BytesMoved();
 }
 template <class Real>
 std::size_t PoseRecovery<Real>::Operations() const {
-  return road_->Operations();
+  return backend_->Operations();
 }
 template <class Real>
 LoopClosing PoseRecovery<Real>::Recover(const Real* z, PoseArrays<Real>& out) const {
-  return road_->Recover(z, out);
+  return backend_->Recover(z, out);
 }
 template <class Real>
 LoopClosing PoseRecovery<Real>::RecoverMany(const Real* z, std::size_t z_stride, std::size_t states,
                                             PoseArrays<Real>* out) const {
   FORK1S_REQUIRE(z_stride >= states, z_stride, states);
-  return road_->RecoverMany(z, z_stride, states, out);
+  return backend_->RecoverMany(z, z_stride, states, out);
 }
 
 template class PoseArrays<float>;

@@ -24,7 +24,7 @@ void Turns(const RunMap<Real>& map, const Real* HWY_RESTRICT y, Real* HWY_RESTRI
       auto turn = hn::Zero(d);
       const Real* HWY_RESTRICT weight = map.weights + static_cast<std::size_t>(map.first[i]) * block + lane;
       for (int k = map.first[i]; k < map.first[i + 1]; ++k, weight += block)
-        turn = hn::MulAdd(hn::Load(d, weight), hn::Set(d, y[map.heard[k]]), turn);
+        turn = hn::MulAdd(hn::Load(d, weight), hn::Set(d, y[map.inputs[k]]), turn);
       hn::Store(turn, d, in_order + static_cast<std::size_t>(i) * block + lane);
     }
   // Segments end together, whatever the last of them has.

@@ -17,7 +17,7 @@ template <class Real>
 struct RunMap {
   int count = 0, steps = 0;  // steps: kBlock or more
   // θ of links l in blocks of kBlock, as OneMap has them.
-  const int *first = nullptr, *heard = nullptr;
+  const int *first = nullptr, *inputs = nullptr;
   const Real* weights = nullptr;
   const Real* constants =
       nullptr;  // for each step kLinkRows rows of kBlock segments; beyond the last link the identity

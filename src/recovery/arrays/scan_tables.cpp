@@ -55,8 +55,8 @@ RunTables<Real>::RunTables(const LinkTables<Real>& tables, int begin, int end, i
   for (int l = begin; l < end; l += block) {
     some.clear();
     for (int k = l; k < std::min(end, l + block); ++k) some.push_back(k);
-    GatherWeights(tables, some, 1, y_size, heard_, weights_);
-    first_.push_back(static_cast<int>(heard_.size()));
+    GatherWeights(tables, some, 1, y_size, inputs_, weights_);
+    first_.push_back(static_cast<int>(inputs_.size()));
   }
   constants_.assign(static_cast<std::size_t>(kLinkRows * block) * static_cast<std::size_t>(steps_), Real(0));
   for (int step = 0; step < steps_; ++step)
@@ -137,7 +137,7 @@ void RunTables<Real>::Ask(int begin, int end) {
 
 template <class Real>
 std::size_t RunTables<Real>::BytesRead() const {
-  return (weights_.size() + constants_.size()) * sizeof(Real) + heard_.size() * sizeof(int);
+  return (weights_.size() + constants_.size()) * sizeof(Real) + inputs_.size() * sizeof(int);
 }
 
 template class RunTables<float>;

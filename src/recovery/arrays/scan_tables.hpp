@@ -25,7 +25,7 @@ class RunTables {
   std::size_t poses() const { return RunPoses(Map()); }
   void First(const Real* y, Real* turns, Real* poses) const { ScanFirst(Map(), y, turns, poses); }
   /// What segments stand on [12 x kBlock], from the pose of the run's parent in X, poses by columns as
-  /// WalkOne has them; and into X the poses that other links hang on.
+  /// ForwardKinematicsSingle has them; and into X the poses that other links hang on.
   void Stand(const Real* poses, Real* X, std::size_t column, Real* stands) const;
   /// Rows from the run's first slot on, out[0] the first row's slot 0.
   void Last(const Real* poses, const Real* stands, Real* out, std::size_t stride) const {
@@ -35,11 +35,11 @@ class RunTables {
 
  private:
   RunMap<Real> Map() const {
-    return {count_, steps_, first_.data(), heard_.data(), weights_.data(), constants_.data()};
+    return {count_, steps_, first_.data(), inputs_.data(), weights_.data(), constants_.data()};
   }
 
   int count_ = 0, steps_ = 0, first_slot_ = 0, parent_ = -1, root_ = 0;
-  std::vector<int> first_{0}, heard_;
+  std::vector<int> first_{0}, inputs_;
   AlignedVector<Real> weights_, constants_;
   std::vector<int> asked_;  // links of it that others hang on, the last always
 };

@@ -36,7 +36,7 @@ void Blocks(const TwistMap<Real>& map, const Real* HWY_RESTRICT z, int begin, in
       hn::Vec<decltype(d)> w[3] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)}, v[3] = {w[0], w[0], w[0]};
       const Real* HWY_RESTRICT t = map.T + static_cast<std::size_t>(first) * 6 * block + lane;
       for (int k = first; k < last; ++k, t += 6 * block) {
-        const auto value = hn::Set(d, z[map.heard[k]]);
+        const auto value = hn::Set(d, z[map.inputs[k]]);
         w[0] = hn::MulAdd(hn::Load(d, t), value, w[0]);
         w[1] = hn::MulAdd(hn::Load(d, t + block), value, w[1]);
         w[2] = hn::MulAdd(hn::Load(d, t + 2 * block), value, w[2]);
@@ -70,7 +70,7 @@ void States(const TwistMap<Real>& map, int body, const Real* HWY_RESTRICT z, std
       hn::Vec<decltype(d)> w[3] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)}, v[3] = {w[0], w[0], w[0]};
       const Real* HWY_RESTRICT t = map.T + static_cast<std::size_t>(first) * 6;
       for (int k = first; k < last; ++k, t += 6) {
-        const auto value = hn::LoadU(d, z + static_cast<std::size_t>(map.heard[k]) * z_stride + at);
+        const auto value = hn::LoadU(d, z + static_cast<std::size_t>(map.inputs[k]) * z_stride + at);
         w[0] = hn::MulAdd(hn::Set(d, t[0]), value, w[0]);
         w[1] = hn::MulAdd(hn::Set(d, t[1]), value, w[1]);
         w[2] = hn::MulAdd(hn::Set(d, t[2]), value, w[2]);

@@ -11,13 +11,13 @@ template <class Real>
 inline constexpr int kBlock = 64 / static_cast<int>(sizeof(Real));
 
 /// T and the poses at the reference, in blocks of `width` bodies: kBlock, or 1 for RecoverStates. Of block i
-/// the coordinates that any of its bodies hears are heard[first[i]] up to heard[first[i + 1]], and for each
+/// the coordinates that any of its bodies depends on are inputs[first[i]] up to inputs[first[i + 1]], and for each
 /// of these T has six rows of `width` entries, rotations first. X_ref: twelve rows of as many a block, as
 /// PoseArrays has them.
 template <class Real>
 struct TwistMap {
   const int* first = nullptr;
-  const int* heard = nullptr;
+  const int* inputs = nullptr;
   const Real* T = nullptr;
   const Real* X_ref = nullptr;
 };

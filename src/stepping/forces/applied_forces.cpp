@@ -28,19 +28,19 @@ struct LoadInBase {
   Vector3 force;
   Matrix3 force_moments;
 };
-LoadInBase ExpressInBase(const MechanismView& here, const AppliedForces& load, const RigidTransform& X_RB) {
-  const Matrix3& R_WR = here.state.reduced.X_WR.rotation();
+LoadInBase ExpressInBase(const ConstStepContext& ctx, const AppliedForces& load, const RigidTransform& X_RB) {
+  const Matrix3& R_WR = ctx.state.reduced.X_WR.rotation();
   const Vector3 force = R_WR.transpose() * load.force_W;
   return {force, X_RB.rotation() * load.force_moments * R_WR + X_RB.translation() * force.transpose()};
 }
 
 }  // namespace
 
-void AddWrench(const MechanismStep& here, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
+void AddWrench(const StepContext& ctx, BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
                const Vector3& point_W) {
-  MechanismState& state = here.state;
+  MechanismState& state = ctx.state;
   FORK1S_REQUIRE(body.valid() && body.u() < state.loads.size(), body.value());
-  state.loads[body.u()].Add(force_W, moment_W, BodyPose(here, body).inverse() * point_W);
+  state.loads[body.u()].Add(force_W, moment_W, BodyPose(ctx, body).inverse() * point_W);
   state.has_loads = true;
 }
 
@@ -50,26 +50,26 @@ void ClearLoads(MechanismState& state) {
   state.has_loads = false;
 }
 
-void AddLoadWrenches(const MechanismView& here, Matrix6X& F) {
-  const auto& [model, state, ws] = here;
+void AddLoadWrenches(const ConstStepContext& ctx, Matrix6X& F) {
+  const auto& [model, state, ws] = ctx;
   if (!state.has_loads) return;
   const Matrix3 R_RW = state.reduced.X_WR.rotation().transpose();
   for (int b = 0; b < model.mechanism().num_bodies(); ++b) {
     const AppliedForces& load = state.loads[At(b)];
     if (load.IsZero()) continue;
-    const RigidTransform X_WB = BodyPose(here, BodyIndex(b));
+    const RigidTransform X_WB = BodyPose(ctx, BodyIndex(b));
     const Vector3 arm_W = X_WB.translation() - state.reduced.X_WR.translation();
     F.col(b).head<3>() += R_RW * (load.MomentAt(X_WB.rotation()) + arm_W.cross(load.force_W));
     F.col(b).tail<3>() += R_RW * load.force_W;
   }
 }
 
-void AddAppliedWrenches(const MechanismView& here, Matrix6X& F) {
-  const auto& [model, state, ws] = here;
-  AddLoadWrenches(here, F);
+void AddAppliedWrenches(const ConstStepContext& ctx, Matrix6X& F) {
+  const auto& [model, state, ws] = ctx;
+  AddLoadWrenches(ctx, F);
   if (!state.point_spring.IsActive()) return;
   const RigidTransform& X_WR = state.reduced.X_WR;
-  const Vector3 point_W = BodyPose(here, state.point_spring_body) * state.point_spring.point_B;
+  const Vector3 point_W = BodyPose(ctx, state.point_spring_body) * state.point_spring.point_B;
   const Vector3 force_R = X_WR.rotation().transpose() * state.point_spring.SpringForce(point_W);
   auto wrench = F.col(state.point_spring_body.value());
   wrench.head<3>() += (X_WR.inverse() * point_W).cross(force_R);
@@ -81,9 +81,9 @@ namespace {
 // Forces at points, summed over all that each joint carries.
 class CarriedForces {
  public:
-  explicit CarriedForces(const MechanismStep& here) : here_(here) {
-    here.work.loads.carried_force.setZero();
-    here.work.loads.carried_moments.setZero();
+  explicit CarriedForces(const StepContext& ctx) : here_(ctx) {
+    ctx.work.loads.carried_force.setZero();
+    ctx.work.loads.carried_moments.setZero();
   }
   // On what joint j carries; j = -1: on the base.
   void Add(int j, const LoadInBase& load) {
@@ -96,7 +96,7 @@ class CarriedForces {
   void AddStiffness(MatrixX& K_out);
 
  private:
-  const MechanismStep& here_;
+  const StepContext& here_;
   Matrix3 total_moments_ = Matrix3::Zero();
 };
 
@@ -143,17 +143,17 @@ void CarriedForces::AddStiffness(MatrixX& K_out) {
 
 }  // namespace
 
-void ComputeLoadStiffness(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void ComputeLoadStiffness(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism& m = model.mechanism();
-  CarriedForces forces(here);
+  CarriedForces forces(ctx);
   if (state.has_loads)
     for (int b = 0; b < m.num_bodies(); ++b)
       if (const AppliedForces& load = state.loads[At(b)]; !load.IsZero())
         forces.Add(m.body(BodyIndex(b)).last_joint,
-                   ExpressInBase(here, load, ws.configuration.kinematics.X_RB[At(b)]));
+                   ExpressInBase(ctx, load, ws.configuration.kinematics.X_RB[At(b)]));
   if (state.point_spring.IsActive()) {
-    const Vector3 force = PointSpringForce(here);
+    const Vector3 force = PointSpringForce(ctx);
     forces.Add(m.body(state.point_spring_body).last_joint,
                {force, ws.point_spring.point_R * force.transpose()});
   }
@@ -161,9 +161,9 @@ void ComputeLoadStiffness(const MechanismStep& here) {
   forces.AddStiffness(ws.loads.K);
 }
 
-void AddGeometricStiffness(const MechanismStep& here, double b, GeometricStiffness of_parts) {
-  const auto& [model, state, ws] = here;
-  CarriedForces forces(here);
+void AddGeometricStiffness(const StepContext& ctx, double b, GeometricStiffness of_parts) {
+  const auto& [model, state, ws] = ctx;
+  CarriedForces forces(ctx);
   const Vector3 gravity_R = state.reduced.X_WR.rotation().transpose() * ws.forces.gravity_W;
   for (int i = 0; i < model.rigid_parts.size(); ++i) {
     const SpatialInertia& inertia = model.rigid_parts.parts[At(i)].inertia_R0;

@@ -58,7 +58,7 @@ void FindDampers(MechanismModel& model) {
   }
   model.at_reference.dampers = RowsByColumns(*model.reduced, damping);
   VectorX stiffness = m.stiffness();
-  for (const Mechanism::ForceLimit& limit : m.force_limits())  // TurnServos has these
+  for (const Mechanism::ForceLimit& limit : m.force_limits())  // UpdateServoOperator has these
     if (limit.length.path < 0 && limit.length.terms.size() == 1) {
       const auto& [i, c] = limit.length.terms.front();
       stiffness(i) = std::max(0.0, stiffness(i) - c * c * limit.stiffness);
@@ -89,12 +89,12 @@ void FindDampers(MechanismModel& model) {
   }
 }
 
-void AddSpringDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau) {
-  for (const Mechanism::Spring& s : here.model.mechanism().springs()) {
+void AddSpringDampers(const StepContext& ctx, double b, const VectorX& q_dot, VectorX& tau) {
+  for (const Mechanism::Spring& s : ctx.model.mechanism().springs()) {
     double rate = 0;
-    ForEachArm(s.length, here.work.paths(), [&](int i, double c) { rate += c * q_dot(i); });
+    ForEachArm(s.length, ctx.work.paths(), [&](int i, double c) { rate += c * q_dot(i); });
     if (const double damping = s.DampingAt(rate); damping > 0)
-      AddLengthForce(here, s.length, -b * damping * rate, tau);
+      AddLengthForce(ctx, s.length, -b * damping * rate, tau);
   }
 }
 
@@ -117,13 +117,13 @@ void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematic
 // coordinates. Springs too, but their forces are those of the pose wherever A has its stiffness; a damper acts through
 // A alone. Springy closures keep the damping of the reference.
 // Dampers of rotations change with E.
-bool DampersTurn(const MechanismModel& model) {
+bool DamperOperatorDependsOnPose(const MechanismModel& model) {
   return model.reduced->loop_rank() > 0 || !model.at_reference.damped_rotations.empty();
 }
 
-void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
-                      Eigen::Ref<MatrixX> D) {
-  const auto& [model, state, ws] = here;
+void AddDamperChange(const StepContext& ctx, double weight, bool bent, const VectorX& w,
+                     Eigen::Ref<MatrixX> D) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism& m = model.mechanism();
   const bool turn = model.reduced->loop_rank() > 0;
   if (!model.at_reference.damped_rotations.empty()) {

@@ -7,8 +7,8 @@
 
 namespace fork1s {
 
-double KineticEnergy(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
+double KineticEnergy(const ConstStepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   double energy = 0;
   // By columns, so that no product has to be kept; parts share no inertia.
   for (const VelocityRange& part : model.parts)
@@ -20,10 +20,10 @@ double KineticEnergy(const MechanismView& here) {
   return energy;
 }
 
-double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
-  const auto& [model, state, ws] = here;
+double PotentialEnergy(const ConstStepContext& ctx, const Vector3& gravity_W) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism& m = model.mechanism();
-  const Configuration& c = ConfigurationOf(here);
+  const Configuration& c = ConfigurationOf(ctx);
   Vector3 moment = Vector3::Zero();  // Σ mass × centre in R [kg·m]
   for (int b = 0; b < m.num_bodies(); ++b) {
     const Mechanism::Body& body = m.bodies()[static_cast<std::size_t>(b)];
@@ -31,7 +31,7 @@ double PotentialEnergy(const MechanismView& here, const Vector3& gravity_W) {
       moment += body.weighed_mass * (c.kinematics.X_RB[std::size_t(b)] * body.inertia_B.center);
   }
   const RigidTransform& X_WR = state.reduced.X_WR;
-  double energy = SpringEnergy(m, c.kinematics, c.q) - EnergyBeyondBounds(here, c) -
+  double energy = SpringEnergy(m, c.kinematics, c.q) - EnergyBeyondBounds(ctx, c) -
                   gravity_W.dot(m.weighed_mass() * X_WR.translation() + X_WR.rotation() * moment);
   for (std::size_t i = 0; i < m.controls().size(); ++i) {
     const auto& control = m.controls()[i];

@@ -27,62 +27,63 @@ double InputForce(const MechanismState& state, const Mechanism::ForceLimit& limi
 
 }  // namespace
 
-double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit, double length) {
-  return InputForce(here.state, limit) + limit.stiffness * (limit.rest - length);
+double UnboundedForce(const ConstStepContext& ctx, const Mechanism::ForceLimit& limit, double length) {
+  return InputForce(ctx.state, limit) + limit.stiffness * (limit.rest - length);
 }
 
-double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit) {
-  return UnboundedForce(here, limit, Length(here, limit.length));
+double UnboundedForce(const ConstStepContext& ctx, const Mechanism::ForceLimit& limit) {
+  return UnboundedForce(ctx, limit, Length(ctx, limit.length));
 }
 
-void SizeForceLimits(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void SizeForceLimits(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const auto count = model.mechanism().force_limits().size();
-  ws.switched.servo_force.resize(static_cast<Eigen::Index>(count));
+  ws.active_set.servo_force.resize(static_cast<Eigen::Index>(count));
   ws.scratch.length_row.resize(model.size());
 }
 
-void OpenForceLimits(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void EvaluateUnsaturatedForces(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k)
-    ws.switched.servo_force(static_cast<Eigen::Index>(k)) = UnboundedForce(here, limits[k]);
+    ws.active_set.servo_force(static_cast<Eigen::Index>(k)) = UnboundedForce(ctx, limits[k]);
 }
 
-bool ServosTurn(const MechanismView& here) { return here.model.reduced->loop_rank() > 0; }
+bool ServoOperatorDependsOnPose(const ConstStepContext& ctx) { return ctx.model.reduced->loop_rank() > 0; }
 
 // Loops turn Q as the pose moves, and the spring that A has at the reference with it. Elsewhere that does not
 // matter: what the step leaves of it is in the next step's f₀. Here f at the end of the step decides, and of
 // a stiff servo (1e9 N/m) the few per cent of the motion that the turn makes are more than its bound.
-void TurnServos(const MechanismStep& here, double h) {
-  const auto& [model, state, ws] = here;
-  if (!ServosTurn(here)) return;
+void UpdateServoOperator(const StepContext& ctx, double h) {
+  const auto& [model, state, ws] = ctx;
+  if (!ServoOperatorDependsOnPose(ctx)) return;
   for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
     const double spring = h * h * limit.stiffness;
     if (!(spring > 0)) continue;
-    AddSpringOf(here, limit.length, -spring, false);
-    AddSpringOf(here, limit.length, spring, true);
+    AddRankOneStiffness(ctx, limit.length, -spring, false);
+    AddRankOneStiffness(ctx, limit.length, spring, true);
   }
 }
 
-void SubtractSaturatedStiffness(const MechanismStep& here, double h) {
-  const auto& [model, state, ws] = here;
+void SubtractSaturatedStiffness(const StepContext& ctx, double h) {
+  const auto& [model, state, ws] = ctx;
   const auto& limits = model.mechanism().force_limits();
   for (std::size_t k = 0; k < limits.size(); ++k) {
     const double weight = h * h * limits[k].stiffness + h * limits[k].damping;
-    if (state.at_bound[k] != 0 && weight > 0) AddSpringOf(here, limits[k].length, -weight, ServosTurn(here));
+    if (state.at_bound[k] != 0 && weight > 0)
+      AddRankOneStiffness(ctx, limits[k].length, -weight, ServoOperatorDependsOnPose(ctx));
   }
 }
 
-void OpenSwitches(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  ws.switched.f_z_without = ws.forces.f_z;
-  OpenForceLimits(here);
-  OpenSlackSprings(here);
+void InitializeActiveSet(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  ws.active_set.f_z_without = ws.forces.f_z;
+  EvaluateUnsaturatedForces(ctx);
+  OpenSlackSprings(ctx);
 }
 
-bool HasSwitches(const MechanismView& here) {
-  return !here.state.at_bound.empty() || !here.work.switched.slack.empty();
+bool HasComplementarity(const ConstStepContext& ctx) {
+  return !ctx.state.at_bound.empty() || !ctx.work.active_set.slack.empty();
 }
 
 int NumForcesAtBound(const MechanismState& state) {
@@ -90,16 +91,16 @@ int NumForcesAtBound(const MechanismState& state) {
       std::count_if(state.at_bound.begin(), state.at_bound.end(), [](signed char s) { return s != 0; }));
 }
 
-bool UpdateSwitches(const MechanismStep& here, double h) {
-  const bool bounds = UpdateForceLimits(here, h), slack = UpdateSlackSprings(here, h);
+bool UpdateActiveSet(const StepContext& ctx, double h) {
+  const bool bounds = UpdateForceLimits(ctx, h), slack = UpdateSlackSprings(ctx, h);
   return bounds || slack;
 }
 
-void AddSwitchedForces(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void AddActiveSetForces(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const auto& limits = model.mechanism().force_limits();
-  ws.forces.f_z = ws.switched.f_z_without;
-  AddSlackForces(here);
+  ws.forces.f_z = ws.active_set.f_z_without;
+  AddSlackForces(ctx);
   for (std::size_t k = 0; k < limits.size(); ++k) {
     if (state.at_bound[k] == 0) continue;
     // In the solve its whole force is found there.
@@ -107,12 +108,13 @@ void AddSwitchedForces(const MechanismStep& here) {
                          : state.at_bound[k] > 0                       ? limits[k].upper
                                                                        : limits[k].lower;
     ReducedRow(limits[k].length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
-    ws.forces.f_z += (bound - ws.switched.servo_force(static_cast<Eigen::Index>(k))) * ws.scratch.length_row;
+    ws.forces.f_z +=
+        (bound - ws.active_set.servo_force(static_cast<Eigen::Index>(k))) * ws.scratch.length_row;
   }
 }
 
-void AddBackSaturatedDampers(const MechanismStep& here, double b, VectorX& rhs) {
-  const auto& [model, state, ws] = here;
+void AddBackSaturatedDampers(const StepContext& ctx, double b, VectorX& rhs) {
+  const auto& [model, state, ws] = ctx;
   const auto& limits = model.mechanism().force_limits();
   auto rhs_z = rhs.tail(model.size());
   for (std::size_t k = 0; k < limits.size(); ++k) {
@@ -131,16 +133,17 @@ double WeightInSolve(const Mechanism::ForceLimit& limit, double h) {
 }
 
 // By the velocity at hand and without bounds.
-double ForceAtEnd(const MechanismStep& here, std::size_t k, double h) {
-  const auto& [model, state, ws] = here;
+double ForceAtEnd(const StepContext& ctx, std::size_t k, double h) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-  return ws.switched.servo_force(static_cast<Eigen::Index>(k)) -
-         limit.stiffness * WayToForce(here, limit.length, h) - limit.damping * LengthRate(here, limit.length);
+  return ws.active_set.servo_force(static_cast<Eigen::Index>(k)) -
+         limit.stiffness * LengthChangeToForceEvaluation(ctx, limit.length, h) -
+         limit.damping * LengthRate(ctx, limit.length);
 }
 
-signed char SideOf(const MechanismStep& here, std::size_t k, double h) {
-  const Mechanism::ForceLimit& limit = here.model.mechanism().force_limits()[k];
-  const double f = ForceAtEnd(here, k, h);
+signed char SideOf(const StepContext& ctx, std::size_t k, double h) {
+  const Mechanism::ForceLimit& limit = ctx.model.mechanism().force_limits()[k];
+  const double f = ForceAtEnd(ctx, k, h);
   return f > limit.upper ? 1 : f < limit.lower ? -1 : 0;
 }
 
@@ -149,45 +152,45 @@ signed char SideOf(const MechanismStep& here, std::size_t k, double h) {
 namespace {
 
 // Springs with slack have two bounded forces each, at the shorter end first.
-std::size_t SlackOf(const MechanismView& here, std::size_t k) {
-  return (k - here.model.mechanism().force_limits().size()) / 2;
+std::size_t SlackOf(const ConstStepContext& ctx, std::size_t k) {
+  return (k - ctx.model.mechanism().force_limits().size()) / 2;
 }
-int EndOf(const MechanismView& here, std::size_t k) {
-  return (k - here.model.mechanism().force_limits().size()) % 2 == 0 ? -1 : 1;
+int EndOf(const ConstStepContext& ctx, std::size_t k) {
+  return (k - ctx.model.mechanism().force_limits().size()) % 2 == 0 ? -1 : 1;
 }
 
 }  // namespace
 
-const Mechanism::Length& LengthOfBoundedForce(const MechanismView& here, std::size_t k) {
-  const Mechanism& m = here.model.mechanism();
+const Mechanism::Length& LengthOfBoundedForce(const ConstStepContext& ctx, std::size_t k) {
+  const Mechanism& m = ctx.model.mechanism();
   return k < m.force_limits().size() ? m.force_limits()[k].length
-                                     : m.springs()[here.work.switched.slack[SlackOf(here, k)].spring].length;
+                                     : m.springs()[ctx.work.active_set.slack[SlackOf(ctx, k)].spring].length;
 }
 
-bool IsInSolve(const MechanismView& here, std::size_t k) {
-  const auto& [model, state, ws] = here;
-  return (k < state.at_bound.size() ? state.at_bound[k] : ws.switched.slack[SlackOf(here, k)].side) ==
+bool IsInSolve(const ConstStepContext& ctx, std::size_t k) {
+  const auto& [model, state, ws] = ctx;
+  return (k < state.at_bound.size() ? state.at_bound[k] : ws.active_set.slack[SlackOf(ctx, k)].side) ==
          MechanismState::kInSolve;
 }
 
-BoundedForceRow RowOfBoundedForce(const MechanismStep& here, std::size_t k, double h) {
-  const auto& [model, state, ws] = here;
+BoundedForceRow RowOfBoundedForce(const StepContext& ctx, std::size_t k, double h) {
+  const auto& [model, state, ws] = ctx;
   if (k >= state.at_bound.size())
-    return RowOfSlack(here, ws.switched.slack[SlackOf(here, k)], EndOf(here, k), h);
+    return RowOfSlack(ctx, ws.active_set.slack[SlackOf(ctx, k)], EndOf(ctx, k), h);
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-  const double weight = WeightInSolve(limit, h), f = ForceAtEnd(here, k, h);
-  return {f / weight + LengthRate(here, limit.length), 1 / (h * weight), h * limit.lower, h * limit.upper};
+  const double weight = WeightInSolve(limit, h), f = ForceAtEnd(ctx, k, h);
+  return {f / weight + LengthRate(ctx, limit.length), 1 / (h * weight), h * limit.lower, h * limit.upper};
 }
 
-void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impulse, double unbounded,
+void SetSideOfBoundedForce(const StepContext& ctx, std::size_t k, double impulse, double unbounded,
                            double h) {
-  const auto& [model, state, ws] = here;
+  const auto& [model, state, ws] = ctx;
   if (k >= state.at_bound.size()) {
     // Of the two ends, told one after the other, at most one pushes. Within its range a spring has an impulse
     // of 0 but for rounding.
-    int& side = ws.switched.slack[SlackOf(here, k)].side;
+    int& side = ws.active_set.slack[SlackOf(ctx, k)].side;
     if (side == MechanismState::kInSolve) side = 0;
-    if (impulse != 0 && unbounded * EndOf(here, k) < 0) side = EndOf(here, k);
+    if (impulse != 0 && unbounded * EndOf(ctx, k) < 0) side = EndOf(ctx, k);
     return;
   }
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
@@ -202,29 +205,30 @@ void SetSideOfBoundedForce(const MechanismStep& here, std::size_t k, double impu
 namespace {
 
 // At the end of a stage of length b that was solved.
-double ForceOfServo(const MechanismStep& here, std::size_t k, double b) {
-  const Mechanism::ForceLimit& limit = here.model.mechanism().force_limits()[k];
-  return std::min(std::max(ForceAtEnd(here, k, b), limit.lower), limit.upper);
+double ForceOfServo(const StepContext& ctx, std::size_t k, double b) {
+  const Mechanism::ForceLimit& limit = ctx.model.mechanism().force_limits()[k];
+  return std::min(std::max(ForceAtEnd(ctx, k, b), limit.lower), limit.upper);
 }
 
 }  // namespace
 
-void StoreSwitchedForces(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
-  ws.switched.first_at_bound = state.at_bound;
-  ws.switched.first_servo_force.resize(static_cast<Eigen::Index>(state.at_bound.size()));
+void StoreActiveSetForces(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
+  ws.active_set.first_at_bound = state.at_bound;
+  ws.active_set.first_servo_force.resize(static_cast<Eigen::Index>(state.at_bound.size()));
   for (std::size_t k = 0; k < state.at_bound.size(); ++k)
-    ws.switched.first_servo_force(static_cast<Eigen::Index>(k)) = ForceOfServo(here, k, b);
-  ws.switched.first_slack_side.resize(ws.switched.slack.size());
-  ws.switched.first_slack_force.resize(static_cast<Eigen::Index>(ws.switched.slack.size()));
-  for (std::size_t k = 0; k < ws.switched.slack.size(); ++k) {
-    ws.switched.first_slack_side[k] = static_cast<signed char>(ws.switched.slack[k].side);
-    ws.switched.first_slack_force(static_cast<Eigen::Index>(k)) = ForceOfSlack(here, ws.switched.slack[k], b);
+    ws.active_set.first_servo_force(static_cast<Eigen::Index>(k)) = ForceOfServo(ctx, k, b);
+  ws.active_set.first_slack_side.resize(ws.active_set.slack.size());
+  ws.active_set.first_slack_force.resize(static_cast<Eigen::Index>(ws.active_set.slack.size()));
+  for (std::size_t k = 0; k < ws.active_set.slack.size(); ++k) {
+    ws.active_set.first_slack_side[k] = static_cast<signed char>(ws.active_set.slack[k].side);
+    ws.active_set.first_slack_force(static_cast<Eigen::Index>(k)) =
+        ForceOfSlack(ctx, ws.active_set.slack[k], b);
   }
 }
 
-SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, double onward) {
-  const auto& [model, state, ws] = here;
+SaturationChange ComputeSaturationChange(const StepContext& ctx, double b, double onward) {
+  const auto& [model, state, ws] = ctx;
   SaturationChange out;
   double largest = 0;
   const auto add = [&](const Mechanism::Length& length, double change, bool is_servo, std::size_t index) {
@@ -237,15 +241,15 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
     out.index = static_cast<int>(index);
   };
   for (std::size_t k = 0; k < state.at_bound.size(); ++k)
-    if (state.at_bound[k] != ws.switched.first_at_bound[k])
+    if (state.at_bound[k] != ws.active_set.first_at_bound[k])
       add(model.mechanism().force_limits()[k].length,
-          ForceOfServo(here, k, b) - ws.switched.first_servo_force(static_cast<Eigen::Index>(k)), true, k);
-  for (std::size_t k = 0; k < ws.switched.slack.size(); ++k)
-    if (ws.switched.slack[k].side != ws.switched.first_slack_side[k])
-      add(model.mechanism().springs()[ws.switched.slack[k].spring].length,
-          ForceOfSlack(here, ws.switched.slack[k], b) -
-              ws.switched.first_slack_force(static_cast<Eigen::Index>(k)),
-          false, ws.switched.slack[k].spring);
+          ForceOfServo(ctx, k, b) - ws.active_set.first_servo_force(static_cast<Eigen::Index>(k)), true, k);
+  for (std::size_t k = 0; k < ws.active_set.slack.size(); ++k)
+    if (ws.active_set.slack[k].side != ws.active_set.first_slack_side[k])
+      add(model.mechanism().springs()[ws.active_set.slack[k].spring].length,
+          ForceOfSlack(ctx, ws.active_set.slack[k], b) -
+              ws.active_set.first_slack_force(static_cast<Eigen::Index>(k)),
+          false, ws.active_set.slack[k].spring);
   if (out.index < 0) return out;
   const double mass = std::max(model.mechanism().total_mass(), 1e-300);
   ws.scratch.solved = ws.scratch.rhs;
@@ -256,14 +260,14 @@ SaturationChange ComputeSaturationChange(const MechanismStep& here, double b, do
   return out;
 }
 
-bool UpdateForceLimits(const MechanismStep& here, double h) {
-  const auto& [model, state, ws] = here;
+bool UpdateForceLimits(const StepContext& ctx, double h) {
+  const auto& [model, state, ws] = ctx;
   const auto& limits = model.mechanism().force_limits();
   bool changed = false;
   for (std::size_t k = 0; k < limits.size(); ++k) {
     signed char& at = state.at_bound[k];
     if (at == MechanismState::kInSolve) continue;
-    const signed char side = SideOf(here, k, h);
+    const signed char side = SideOf(ctx, k, h);
     if (side == at) continue;
     changed = true;
     // A motor's force is known whatever the motion.
@@ -273,13 +277,14 @@ bool UpdateForceLimits(const MechanismStep& here, double h) {
   return changed;
 }
 
-// How far a length goes from the pose at which LoadForces found it to where its force acts.
-double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h) {
-  const auto& [model, state, ws] = here;
+// How far a length goes from the pose at which ComputeJointForces found it to where its force acts.
+double LengthChangeToForceEvaluation(const StepContext& ctx, const Mechanism::Length& length, double h) {
+  const auto& [model, state, ws] = ctx;
   const int r = model.size();
-  ws.switched.way = h * (ws.x.tail(r) - ws.stage.v_k.tail(r));
+  ws.active_set.way = h * (ws.x.tail(r) - ws.stage.v_k.tail(r));
   double way = 0;
-  ForEachArm(length, ws.paths(), [&](int i, double c) { way += c * ws.Q_now().row(i).dot(ws.switched.way); });
+  ForEachArm(length, ws.paths(),
+             [&](int i, double c) { way += c * ws.Q_now().row(i).dot(ws.active_set.way); });
   return way;
 }
 
@@ -292,13 +297,13 @@ double Beyond(const Mechanism::ForceLimit& limit, double f, double F, double len
 
 }  // namespace
 
-double EnergyBeyondBounds(const MechanismView& here, const Configuration& at) {
-  const auto& [model, state, ws] = here;
+double EnergyBeyondBounds(const ConstStepContext& ctx, const Configuration& at) {
+  const auto& [model, state, ws] = ctx;
   double energy = 0;
   for (const Mechanism::ForceLimit& limit : model.mechanism().force_limits()) {
     if (!model.mechanism().HasPotential(limit.length)) continue;
     const double length = LengthOf(model.mechanism(), limit.length, at.kinematics, at.q),
-                 f = UnboundedForce(here, limit, length), F = std::min(std::max(f, limit.lower), limit.upper);
+                 f = UnboundedForce(ctx, limit, length), F = std::min(std::max(f, limit.lower), limit.upper);
     if (f != F) energy += Beyond(limit, f, F, length);
   }
   return energy;

@@ -4,7 +4,7 @@
 
 #include "../mechanism_workspace.hpp"
 #include "stepping/mechanism_model.hpp"
-#include "stepping/mechanism_step.hpp"
+#include "stepping/step_context.hpp"
 
 namespace fork1s {
 
@@ -13,27 +13,27 @@ namespace fork1s {
 void ComputeSpringsAtReference(MechanismModel& model);
 /// forces <- of springs, controls, weight and loads. Velocity forces are none of them: they come of the
 /// momentum that is carried along.
-void LoadForces(const MechanismStep& here, const Vector3& gravity_R);
+void ComputeJointForces(const StepContext& ctx, const Vector3& gravity_R);
 
 // Loads (applied_forces.cpp).
 inline bool HasForcesFromOutside(const MechanismState& state) {
   return state.has_loads || state.point_spring.IsActive();
 }
 /// F += wrenches of loads and of the point spring without its damper, as AddLoadWrenches.
-void AddAppliedWrenches(const MechanismView& here, Matrix6X& F);
+void AddAppliedWrenches(const ConstStepContext& ctx, Matrix6X& F);
 /// loads.K <- geometric stiffness of the loads and of the point spring at the pose at hand.
-void ComputeLoadStiffness(const MechanismStep& here);
+void ComputeLoadStiffness(const StepContext& ctx);
 /// A += b² times the geometric stiffness, as of loads, of the weight of the parts, with inertia also of the forces
 /// (p̂ - p)/b that change their momenta within b at the pose and velocity at hand.
-void AddGeometricStiffness(const MechanismStep& here, double b, GeometricStiffness of_parts);
+void AddGeometricStiffness(const StepContext& ctx, double b, GeometricStiffness of_parts);
 
 // A point spring (point_spring.cpp).
 /// point_spring <- at the pose at hand; f_z and the wrench on the base += its force.
-void EvaluatePointSpring(const MechanismStep& here);
+void EvaluatePointSpring(const StepContext& ctx);
 /// Force in R [N] with the damper, at the velocity that led to the pose at hand.
-Vector3 PointSpringForce(const MechanismView& here);
+Vector3 PointSpringForce(const ConstStepContext& ctx);
 /// A += its stiffness and damping in a stage of length b [s], but for the geometric stiffness.
-void AddPointSpringOperator(const MechanismStep& here, double b);
+void AddPointSpringOperator(const StepContext& ctx, double b);
 
 // Lengths (lengths.cpp).
 /// out = Qᵀ ∂ℓ/∂q
@@ -43,10 +43,10 @@ void ReducedRow(const Mechanism::Length& length, const std::vector<PathState>& p
 // Springs (springs.cpp).
 /// A += weight e eᵀ, e the row that the spring of a length has in A: that of the pose for a path or where it `bends`,
 /// else that of the reference, as in K_r.
-void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends);
+void AddRankOneStiffness(const StepContext& ctx, const Mechanism::Length& length, double weight, bool bends);
 /// A += weight times the stiffness of springs of paths, and of those that are not linear, at the pose beyond
 /// that in K_r.
-void AddNonlinearStiffness(const MechanismStep& here, double weight);
+void AddNonlinearStiffness(const StepContext& ctx, double weight);
 
 // Dampers (dampers.cpp).
 /// Dampers and springs of joints by the columns that move them, and what the dampers are in D of the model.
@@ -56,55 +56,55 @@ void FindDampers(MechanismModel& model);
 void AddRotationDamping(const MechanismModel& model, const Kinematics& kinematics, const RowMatrixX& Q,
                         double weight, RowMatrixX& rows, Eigen::Ref<MatrixX> D);
 /// Whether dampers of joints change with the pose.
-bool DampersTurn(const MechanismModel& model);
+bool DamperOperatorDependsOnPose(const MechanismModel& model);
 /// tau [n] -= b times the forces of dampers along lengths at joint rates q_dot [n].
-void AddSpringDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau);
+void AddSpringDampers(const StepContext& ctx, double b, const VectorX& q_dot, VectorX& tau);
 /// tau [n] += b times what the rates of their lengths change muscles by, at joint rates q_dot [n] (muscles.cpp).
-void AddMuscleDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau);
+void AddMuscleDampers(const StepContext& ctx, double b, const VectorX& q_dot, VectorX& tau);
 /// A += the operator of the active parts of muscles in a stage of length b [s] (muscles.cpp).
-void AddMuscleOperator(const MechanismStep& here, double b);
+void AddMuscleOperator(const StepContext& ctx, double b);
 /// D += weight times what dampers are here beyond D of the model; `bent`: those of springs that are not
 /// linear too, at the rates w [r].
-void AddDampersBeyond(const MechanismStep& here, double weight, bool bent, const VectorX& w,
-                      Eigen::Ref<MatrixX> D);
+void AddDamperChange(const StepContext& ctx, double weight, bool bent, const VectorX& w,
+                     Eigen::Ref<MatrixX> D);
 
 // Bounds of forces (force_limits.cpp); h [s]: the length of the stage.
 /// Of a servo or motor at the pose at hand, N or N m.
-double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit);
-double UnboundedForce(const MechanismView& here, const Mechanism::ForceLimit& limit, double length);
-void SizeForceLimits(const MechanismStep& here);
+double UnboundedForce(const ConstStepContext& ctx, const Mechanism::ForceLimit& limit);
+double UnboundedForce(const ConstStepContext& ctx, const Mechanism::ForceLimit& limit, double length);
+void SizeForceLimits(const StepContext& ctx);
 /// What the forces with bounds and the slack springs are where a stage starts.
-void OpenSwitches(const MechanismStep& here);
-void OpenForceLimits(const MechanismStep& here);
+void InitializeActiveSet(const StepContext& ctx);
+void EvaluateUnsaturatedForces(const StepContext& ctx);
 /// After contact: those that are beyond a bound or back from it go into the solve. Whether there are any.
-bool UpdateForceLimits(const MechanismStep& here, double h);
+bool UpdateForceLimits(const StepContext& ctx, double h);
 /// Whether the springs of servos change with the pose.
-bool ServosTurn(const MechanismView& here);
+bool ServoOperatorDependsOnPose(const ConstStepContext& ctx);
 /// A += what the pose makes of them.
-void TurnServos(const MechanismStep& here, double h);
+void UpdateServoOperator(const StepContext& ctx, double h);
 /// A -= springs and dampers of servos at a bound or in the solve.
-void SubtractSaturatedStiffness(const MechanismStep& here, double h);
+void SubtractSaturatedStiffness(const StepContext& ctx, double h);
 /// f_z <- with the forces of servos at a bound and of slack springs.
-void AddSwitchedForces(const MechanismStep& here);
+void AddActiveSetForces(const StepContext& ctx);
 /// In a stage: rhs [num_velocities] without the dampers of servos at their bounds, at the velocity that led
 /// to the pose.
-void AddBackSaturatedDampers(const MechanismStep& here, double b, VectorX& rhs);
+void AddBackSaturatedDampers(const StepContext& ctx, double b, VectorX& rhs);
 /// How far a length goes from the pose at hand to where its force acts, m or rad.
-double WayToForce(const MechanismStep& here, const Mechanism::Length& length, double h);
+double LengthChangeToForceEvaluation(const StepContext& ctx, const Mechanism::Length& length, double h);
 /// What servos at their bounds hold less than their springs at a pose, J.
-double EnergyBeyondBounds(const MechanismView& here, const Configuration& at);
+double EnergyBeyondBounds(const ConstStepContext& ctx, const Configuration& at);
 
 // Springs that are slack over a range (slack.cpp).
-void FindSlackSprings(const MechanismStep& here);
-void OpenSlackSprings(const MechanismStep& here);
+void FindSlackSprings(const StepContext& ctx);
+void OpenSlackSprings(const StepContext& ctx);
 /// At the end that the stage is taken to end at; 0 within the range.
 double SlackStiffness(const MechanismModel& model, const SlackSpring& slack);
 /// f_z += what the force there is beyond that at the start.
-void AddSlackForces(const MechanismStep& here);
-bool UpdateSlackSprings(const MechanismStep& here, double h);
+void AddSlackForces(const StepContext& ctx);
+bool UpdateSlackSprings(const StepContext& ctx, double h);
 /// Of the shorter (-1) or longer (1) end.
-BoundedForceRow RowOfSlack(const MechanismStep& here, const SlackSpring& slack, int end, double h);
+BoundedForceRow RowOfSlack(const StepContext& ctx, const SlackSpring& slack, int end, double h);
 /// At the end of a stage of length b [s] that was solved [N or N·m].
-double ForceOfSlack(const MechanismStep& here, const SlackSpring& slack, double b);
+double ForceOfSlack(const StepContext& ctx, const SlackSpring& slack, double b);
 
 }  // namespace fork1s

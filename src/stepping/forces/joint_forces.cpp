@@ -18,17 +18,17 @@ void ComputeSpringsAtReference(MechanismModel& model) {
   }
 }
 
-void LoadForces(const MechanismStep& here, const Vector3& gravity_R) {
-  const auto& [model, state, ws] = here;
+void ComputeJointForces(const StepContext& ctx, const Vector3& gravity_R) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism& m = model.mechanism();
   ws.forces.F.setZero();
   if (!gravity_R.isZero(0)) AddGravityWrenches(m, ws.configuration.kinematics, gravity_R, ws.forces.F);
-  AddLoadWrenches(here, ws.forces.F);
+  AddLoadWrenches(ctx, ws.forces.F);
   ws.forces.tau.setZero();
   if (model.base_moves()) ws.forces.base = ws.forces.F.rowwise().sum();
   AccumulateGeneralizedForce(m, ws.configuration.kinematics.S, ws.forces.F, ws.forces.tau);
   if (state.controls.size() > 0)
-    AddControlForce(m, ws.configuration.kinematics, UpdateActivations(here), ws.forces.tau);
+    AddControlForce(m, ws.configuration.kinematics, UpdateActivations(ctx), ws.forces.tau);
   SpringForce(m, ws.configuration.kinematics, ws.configuration.q, ws.forces.g);
   ws.forces.g += ws.forces.tau;
 }

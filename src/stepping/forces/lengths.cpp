@@ -6,9 +6,9 @@
 
 namespace fork1s {
 
-void LengthRow(const MechanismView& here, const Mechanism::Length& length, const VelocityRange& part,
+void LengthRow(const ConstStepContext& ctx, const Mechanism::Length& length, const VelocityRange& part,
                Eigen::Ref<VectorX> row) {
-  const auto& [model, state, ws] = here;
+  const auto& [model, state, ws] = ctx;
   row.setZero();
   const int count = part.size - model.base_size;
   double unit = 0;
@@ -22,8 +22,8 @@ void LengthRow(const MechanismView& here, const Mechanism::Length& length, const
   if (!(row.tail(count).array().abs() > kRankThreshold * unit * reach).any()) row.setZero();
 }
 
-double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length) {
-  const auto& [model, state, ws] = here;
+double RatePerImpulse(const StepContext& ctx, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = ctx;
   ReducedRow(length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
   ws.scratch.rhs.setZero(model.num_velocities());
   ws.scratch.rhs.tail(model.size()) = ws.scratch.length_row;
@@ -32,33 +32,34 @@ double RatePerImpulse(const MechanismStep& here, const Mechanism::Length& length
   return ws.scratch.solved.dot(ws.scratch.rhs);
 }
 
-double LengthRateBy(const MechanismView& here, const Mechanism::Length& length, const VectorX& x) {
-  const auto& [model, state, ws] = here;
+double LengthRateBy(const ConstStepContext& ctx, const Mechanism::Length& length, const VectorX& x) {
+  const auto& [model, state, ws] = ctx;
   double rate = 0;
   ForEachArm(length, ws.paths(),
              [&](int i, double c) { rate += c * ws.Q_now().row(i).dot(x.tail(model.size())); });
   return rate;
 }
 
-double LengthRate(const MechanismView& here, const Mechanism::Length& length) {
-  return LengthRateBy(here, length, here.work.x);
+double LengthRate(const ConstStepContext& ctx, const Mechanism::Length& length) {
+  return LengthRateBy(ctx, length, ctx.work.x);
 }
 
-double Length(const MechanismView& here, const Mechanism::Length& length) {
-  const auto& [model, state, ws] = here;
+double Length(const ConstStepContext& ctx, const Mechanism::Length& length) {
+  const auto& [model, state, ws] = ctx;
   return LengthOf(model.mechanism(), length, ws.configuration.kinematics, ws.q());
 }
 
-void AddLengthForce(const MechanismView& here, const Mechanism::Length& length, double force, VectorX& tau) {
-  const auto& [model, state, ws] = here;
+void AddLengthForce(const ConstStepContext& ctx, const Mechanism::Length& length, double force,
+                    VectorX& tau) {
+  const auto& [model, state, ws] = ctx;
   ForEachArm(length, ws.paths(), [&](int i, double c) { tau(i) += c * force; });
 }
 
-void AddStopForces(const MechanismView& here, double h, const std::vector<double>& limit_impulses,
+void AddStopForces(const ConstStepContext& ctx, double h, const std::vector<double>& limit_impulses,
                    const std::vector<double>& friction_impulses, VectorX& tau) {
-  const Mechanism& m = here.model.mechanism();
+  const Mechanism& m = ctx.model.mechanism();
   const auto add = [&](const Mechanism::Length& length, double impulse) {
-    if (impulse != 0) AddLengthForce(here, length, impulse / h, tau);
+    if (impulse != 0) AddLengthForce(ctx, length, impulse / h, tau);
   };
   for (std::size_t k = 0; k < m.length_limits().size(); ++k)
     add(m.length_limits()[k].length, limit_impulses[2 * k] - limit_impulses[2 * k + 1]);

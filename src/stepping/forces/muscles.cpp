@@ -6,15 +6,15 @@
 
 namespace fork1s {
 
-void AddMuscleDampers(const MechanismStep& here, double b, const VectorX& q_dot, VectorX& tau) {
-  const auto& [model, state, ws] = here;
+void AddMuscleDampers(const StepContext& ctx, double b, const VectorX& q_dot, VectorX& tau) {
+  const auto& [model, state, ws] = ctx;
   const auto& muscles = model.mechanism().muscles();
   for (std::size_t k = 0; k < muscles.size(); ++k) {
     const Mechanism::Muscle& muscle = muscles[k];
     double rate = 0;
     ForEachArm(muscle.length, ws.paths(), [&](int i, double c) { rate += c * q_dot(i); });
     const double at = ws.configuration.kinematics.muscles[k];
-    AddLengthForce(here, muscle.length,
+    AddLengthForce(ctx, muscle.length,
                    b * ActivationOf(state, muscle.control) * (muscle.Force(at, rate) - muscle.Force(at, 0)),
                    tau);
   }
@@ -22,18 +22,18 @@ void AddMuscleDampers(const MechanismStep& here, double b, const VectorX& q_dot,
 
 // Shortened below its optimum a muscle pulls less: a stiffness. Beyond, it pulls less the longer it is; there the matrix
 // has as much of that as the passive part makes up for, and Newton's iteration finds the rest.
-void AddMuscleOperator(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
+void AddMuscleOperator(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
   const auto& muscles = model.mechanism().muscles();
   if (muscles.empty()) return;
   for (std::size_t k = 0; k < muscles.size(); ++k) {
     const Mechanism::Muscle& muscle = muscles[k];
     const double a = ActivationOf(state, muscle.control), at = ws.configuration.kinematics.muscles[k],
-                 rate = LengthRateBy(here, muscle.length, ws.stage.v_k);
+                 rate = LengthRateBy(ctx, muscle.length, ws.stage.v_k);
     const double stiffness = std::max(-a * muscle.ForceByLength(at, rate),
                                       -model.mechanism().PassivePart(k).StiffnessAt(at)),
                  damping = std::max(0.0, -a * muscle.ForceByRate(at, rate));
-    AddSpringOf(here, muscle.length, b * (damping + b * stiffness), true);
+    AddRankOneStiffness(ctx, muscle.length, b * (damping + b * stiffness), true);
   }
 }
 

@@ -9,14 +9,14 @@
 
 namespace fork1s {
 
-void SetPointSpring(const MechanismStep& here, BodyIndex body, const PointSpring& spring) {
-  FORK1S_REQUIRE(body.valid() && body.value() < here.model.mechanism().num_bodies(), body.value());
-  here.state.point_spring = spring;
-  here.state.point_spring_body = body;
+void SetPointSpring(const StepContext& ctx, BodyIndex body, const PointSpring& spring) {
+  FORK1S_REQUIRE(body.valid() && body.value() < ctx.model.mechanism().num_bodies(), body.value());
+  ctx.state.point_spring = spring;
+  ctx.state.point_spring_body = body;
 }
 
-void EvaluatePointSpring(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void EvaluatePointSpring(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const PointSpring& spring = state.point_spring;
   const RigidTransform& X_WR = state.reduced.X_WR;
   const Vector3 p = ws.configuration.kinematics.X_RB[state.point_spring_body.u()] * spring.point_B;
@@ -34,20 +34,20 @@ void EvaluatePointSpring(const MechanismStep& here) {
     J = T.bottomRows<3>();
     J.noalias() -= Skew(p).lazyProduct(T.topRows<3>());
   }
-  const Vector3 force = PointSpringForce(here);
+  const Vector3 force = PointSpringForce(ctx);
   if (model.size() > 0)
     ws.forces.f_z.noalias() += ws.point_spring.J.rightCols(model.size()).transpose() * force;
   if (base > 0) ws.forces.base.noalias() += ws.point_spring.J.leftCols<6>().transpose() * force;
 }
 
-Vector3 PointSpringForce(const MechanismView& here) {
-  const auto& [model, state, ws] = here;
+Vector3 PointSpringForce(const ConstStepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const Vector3 velocity = ws.point_spring.base_velocity_R + ws.point_spring.J * ws.stage.v_k;
   return ws.point_spring.force_R - state.point_spring.damping * velocity;
 }
 
-void AddPointSpringOperator(const MechanismStep& here, double b) {
-  const auto& [model, state, ws] = here;
+void AddPointSpringOperator(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
   const PointSpring& spring = state.point_spring;
   const Matrix3X& J = ws.point_spring.J;
   ws.matrix.A.triangularView<Eigen::Lower>() += spring.ImplicitMass(b) * J.transpose().lazyProduct(J);

@@ -13,19 +13,19 @@
 
 namespace fork1s {
 
-void FindSlackSprings(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
+void FindSlackSprings(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism& m = model.mechanism();
-  ws.switched.slack.clear();
+  ws.active_set.slack.clear();
   for (std::size_t k = 0; k < m.springs().size(); ++k)
-    if (m.springs()[k].slack > 0) ws.switched.slack.push_back({k, 0, 0, 0});
+    if (m.springs()[k].slack > 0) ws.active_set.slack.push_back({k, 0, 0, 0});
 }
 
-void OpenSlackSprings(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  for (SlackSpring& slack : ws.switched.slack) {
+void OpenSlackSprings(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  for (SlackSpring& slack : ws.active_set.slack) {
     const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
-    slack.length = Length(here, s.length);
+    slack.length = Length(ctx, s.length);
     slack.force = s.Force(slack.length);
     slack.side = s.SideOf(slack.length);
   }
@@ -58,9 +58,9 @@ double SlackStiffness(const MechanismModel& model, const SlackSpring& slack) {
 }
 
 // What the force on the side of the end is beyond that of the start, which f_z has.
-void AddSlackForces(const MechanismStep& here) {
-  const auto& [model, state, ws] = here;
-  for (const SlackSpring& slack : ws.switched.slack) {
+void AddSlackForces(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  for (const SlackSpring& slack : ws.active_set.slack) {
     const double change = ForceOnSide(model, slack, SideOutsideSolve(slack)).force - slack.force;
     if (change == 0) continue;
     ReducedRow(model.mechanism().springs()[slack.spring].length, ws.paths(), ws.Q_now(),
@@ -69,14 +69,14 @@ void AddSlackForces(const MechanismStep& here) {
   }
 }
 
-bool UpdateSlackSprings(const MechanismStep& here, double h) {
-  const auto& [model, state, ws] = here;
+bool UpdateSlackSprings(const StepContext& ctx, double h) {
+  const auto& [model, state, ws] = ctx;
   bool changed = false;
-  for (std::size_t k = 0; k < ws.switched.slack.size(); ++k) {
-    SlackSpring& slack = ws.switched.slack[k];
+  for (std::size_t k = 0; k < ws.active_set.slack.size(); ++k) {
+    SlackSpring& slack = ws.active_set.slack[k];
     if (slack.side == MechanismState::kInSolve) continue;
     const Mechanism::Spring& s = model.mechanism().springs()[slack.spring];
-    const int side = s.SideOf(slack.length + WayToForce(here, s.length, h));
+    const int side = s.SideOf(slack.length + LengthChangeToForceEvaluation(ctx, s.length, h));
     if (side == slack.side) continue;
     changed = true;
     const bool moves = model.part_of_bounded_force[model.mechanism().force_limits().size() + 2 * k] >= 0;
@@ -86,22 +86,23 @@ bool UpdateSlackSprings(const MechanismStep& here, double h) {
 }
 
 // An end whose force begins with the square of the stretch gives nothing to first order.
-BoundedForceRow RowOfSlack(const MechanismStep& here, const SlackSpring& slack, int end, double h) {
-  const auto& [model, state, ws] = here;
+BoundedForceRow RowOfSlack(const StepContext& ctx, const SlackSpring& slack, int end, double h) {
+  const auto& [model, state, ws] = ctx;
   const Mechanism::Length& length = model.mechanism().springs()[slack.spring].length;
   const SideForce at = ForceOnSide(model, slack, end);
   const double infinity = std::numeric_limits<double>::infinity();
   BoundedForceRow row;
   if (!(at.stiffness > 0)) return row;
-  row.speed = at.force / (h * at.stiffness) - WayToForce(here, length, h) / h + LengthRate(here, length);
+  row.speed = at.force / (h * at.stiffness) - LengthChangeToForceEvaluation(ctx, length, h) / h +
+              LengthRate(ctx, length);
   row.compliance = 1 / (h * h * at.stiffness);
   (end < 0 ? row.upper : row.lower) = end < 0 ? infinity : -infinity;
   return row;
 }
 
-double ForceOfSlack(const MechanismStep& here, const SlackSpring& slack, double b) {
-  const Mechanism::Spring& s = here.model.mechanism().springs()[slack.spring];
-  return s.Force(slack.length + WayToForce(here, s.length, b));
+double ForceOfSlack(const StepContext& ctx, const SlackSpring& slack, double b) {
+  const Mechanism::Spring& s = ctx.model.mechanism().springs()[slack.spring];
+  return s.Force(slack.length + LengthChangeToForceEvaluation(ctx, s.length, b));
 }
 
 }  // namespace fork1s

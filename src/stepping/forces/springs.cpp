@@ -4,8 +4,8 @@
 
 namespace fork1s {
 
-void AddSpringOf(const MechanismStep& here, const Mechanism::Length& length, double weight, bool bends) {
-  const auto& [model, state, ws] = here;
+void AddRankOneStiffness(const StepContext& ctx, const Mechanism::Length& length, double weight, bool bends) {
+  const auto& [model, state, ws] = ctx;
   auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
   if (bends || length.path >= 0)
     ReducedRow(length, ws.paths(), ws.Q_now(), ws.scratch.length_row);
@@ -18,14 +18,14 @@ namespace {
 
 // f(index, spring, stiffness at the pose) of springs of paths and of those that are not linear.
 template <class F>
-void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
-  const auto& [model, state, ws] = here;
+void ForEachNonlinearSpring(const StepContext& ctx, const F& f) {
+  const auto& [model, state, ws] = ctx;
   const auto& springs = model.mechanism().springs();
-  auto slack = ws.switched.slack.begin();
+  auto slack = ws.active_set.slack.begin();
   for (std::size_t k = 0; k < springs.size(); ++k) {
     const Mechanism::Spring& s = springs[k];
     if (s.length.path < 0 && s.is_linear()) continue;
-    f(k, s, s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(here, s.length)));
+    f(k, s, s.slack > 0 ? SlackStiffness(model, *slack++) : s.StiffnessAt(Length(ctx, s.length)));
   }
 }
 
@@ -34,15 +34,15 @@ void ForEachNonlinearSpring(const MechanismStep& here, const F& f) {
 // Springs of paths, and those that are not linear, stand in K_r as they are at the reference. A thread's arms
 // may double before the next refresh, and a stiff spring that A knows by half would swing up: in A they turn
 // with the pose.
-void AddNonlinearStiffness(const MechanismStep& here, double weight) {
-  const auto& [model, state, ws] = here;
+void AddNonlinearStiffness(const StepContext& ctx, double weight) {
+  const auto& [model, state, ws] = ctx;
   if (!model.at_reference.has_bent_springs) return;
   auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
-  ForEachNonlinearSpring(here, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
+  ForEachNonlinearSpring(ctx, [&](std::size_t k, const Mechanism::Spring& s, double stiffness) {
     ReducedRow(s.length, model.at_reference.paths, model.reduced->Q_rows, ws.scratch.length_row);
     A_z.noalias() -= weight * model.at_reference.spring_stiffness[k] * ws.scratch.length_row *
                      ws.scratch.length_row.transpose();
-    AddSpringOf(here, s.length, weight * stiffness, true);
+    AddRankOneStiffness(ctx, s.length, weight * stiffness, true);
   });
 }
 

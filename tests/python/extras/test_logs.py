@@ -166,7 +166,7 @@ def test_mcap_draws_every_shape_at_its_place(recording, tmp_path):
     assert_allclose(caps, [-0.4, 0], atol=1e-15)
     (ellipsoid,) = entities["slider"].spheres
     assert_allclose([ellipsoid.size.x, ellipsoid.size.y, ellipsoid.size.z], [0.1, 0.12, 0.14], rtol=1e-15)
-    # The mesh by another road: the corners of the file, moved as it says; 90 degrees about z.
+    # The mesh by another method: the corners of the file, moved as it says; 90 degrees about z.
     (wedge,) = entities["slider"].triangles
     place, turn = wedge.pose.position, wedge.pose.orientation
     corners = np.array([[p.x, p.y, p.z] for p in wedge.points])

@@ -64,7 +64,7 @@ export class Arrows {
 const UP = new THREE.Vector3(0, 1, 0);
 const FIRST_ROOM = 64;
 
-/** Room for `count` instances in a mesh that is written anew each frame. */
+/** Room for `count` instances in a mesh that is written again each frame. */
 export function reserve(mesh: THREE.InstancedMesh, count: number): void {
   if (count <= mesh.instanceMatrix.count) return;
   mesh.dispose(); // the buffer on the GPU, not the mesh

@@ -1,4 +1,4 @@
-// Which bodies are shown, and how much of them: by name, so that a choice outlives a model that is built anew.
+// Which bodies are shown, and how much of them: by name, so that a choice outlives a model that is built again.
 import type { SceneMessage } from '../wire/messages';
 
 export class Visibility {

@@ -9,7 +9,7 @@ export interface Signal {
   group: string;
   unit: string;
   body: number; // that it speaks of, -1
-  beside?: string; // key of the signal that it is drawn with: the same by another road
+  beside?: string; // key of the signal that it is drawn with: the same by another method
 }
 
 /** Where bodies are, by the recovery mode that the simulation takes and by the other one. */
@@ -114,7 +114,7 @@ export class SignalStore {
     return places;
   }
 
-  /** One coordinate by all roads; known once, they stand side by side. */
+  /** One coordinate by all methods; known once, they stand side by side. */
   private placeOf(name: string, axis: string, body: number, other: string): number {
     const key = `at:${name}.${axis}`;
     const first = this.place({ key, title: `${name} ${axis}`, group: 'place', unit: 'mm', body });

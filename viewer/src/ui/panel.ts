@@ -13,7 +13,7 @@ export interface PanelActions {
 
 const MOST_SLIDERS = 100; // of one kind: a thousand mechanisms have thousands
 const SWITCHES = ['accuracy', 'damping', 'friction', 'gravity']; // off at 0
-const SLOW = ['accuracy', 'modes', 'dt', 'damping', 'friction', 'stiffness', 'detail', 'recovery']; // build the model anew
+const SLOW = ['accuracy', 'modes', 'dt', 'damping', 'friction', 'stiffness', 'detail', 'recovery']; // build the model again
 
 /** What the settings do, by their names in the stream. */
 const TIPS: Record<string, string> = {
@@ -185,9 +185,9 @@ export class Panel {
   /** Names and ranges stay until another model file is read. */
   private buildLists(scene: SceneMessage): void {
     for (const key of [...this.controllers.keys()]) if (key.includes('/')) this.controllers.delete(key);
-    const stiffness = this.anew(this.stiffness, 'Stiffness ×', scene.groups.length);
+    const stiffness = this.again(this.stiffness, 'Stiffness ×', scene.groups.length);
     scene.groups.slice(0, MOST_SLIDERS).forEach((group, i) => this.slider(stiffness, `stiffness/${i}`, group.name, 0.05, 20, 0.05, i));
-    const controls = this.anew(this.controls, 'Set-points', scene.controls.length);
+    const controls = this.again(this.controls, 'Set-points', scene.controls.length);
     scene.controls.slice(0, MOST_SLIDERS).forEach((control, i) => {
       const [low, high] = control.range;
       this.slider(controls, `control/${i}`, control.name, low, high, (high - low) / 1000, i);
@@ -199,7 +199,7 @@ export class Panel {
     this.controls = controls;
   }
 
-  private anew(before: GUI | null, title: string, count: number): GUI {
+  private again(before: GUI | null, title: string, count: number): GUI {
     const open = before !== null && !before._closed;
     before?.destroy();
     const gui = this.gui.addFolder(count > MOST_SLIDERS ? `${title} (${MOST_SLIDERS} of ${count})` : title);

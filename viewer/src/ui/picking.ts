@@ -1,4 +1,4 @@
-// Choosing the interface bodies by clicking them; the model is reduced anew when the choice is taken.
+// Choosing the interface bodies by clicking them; the model is reduced again when the choice is taken.
 import type { Request } from '../net/live';
 import type { View } from '../view';
 import type { SceneMessage } from '../wire/messages';
@@ -29,7 +29,7 @@ export class Picking {
     this.apply = element('button', 'text', bar);
     this.apply.type = 'button';
     this.apply.textContent = 'Reduce to these';
-    this.apply.title = 'The model is reduced anew with these interface bodies';
+    this.apply.title = 'The model is reduced again with these interface bodies';
     this.apply.addEventListener('click', () => this.take());
     const cancel = element('button', 'text', bar);
     cancel.type = 'button';

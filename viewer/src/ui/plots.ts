@@ -130,7 +130,7 @@ export class Plots {
     this.rebuild();
   }
 
-  /** Colours are part of a plot: a change of theme builds them anew. */
+  /** Colours are part of a plot: a change of theme builds them again. */
   build(): void {
     for (const { plot, figure } of this.cells) {
       plot.destroy();

@@ -5,7 +5,7 @@ import type { ShapeCard, Vector } from './shape_card';
 
 const LEAST = 0.05; // of the length that it had along the drag
 const MOST = 20;
-const SEND_MS = 100; // each request builds the model anew, some dozen times
+const SEND_MS = 100; // each request builds the model again, some dozen times
 
 /** C stretched along a unit vector u so that a principal axis along u becomes `by` times as long: S C S. */
 export function stretched(C: readonly number[], u: Vector, by: number): number[] {

@@ -6,7 +6,7 @@ import { ShapeCard } from './shape_card';
 import { decimalField, formatDecimal } from './decimal';
 
 const MOST_SHOWN = 300;
-const SEND_MS = 80; // between two requests for the same number: each builds the model anew
+const SEND_MS = 80; // between two requests for the same number: each builds the model again
 
 const WORDS: Record<string, string> = {
   stiffness: 'stiffness',

@@ -21,7 +21,7 @@ describe.skipIf(!ready)('plots', () => {
     expect(await live.page.evaluate((key) => fork1s?.store.now(key) ?? NaN, shown[3]?.[0] ?? '')).toBeGreaterThan(10); // mm above the ground
   });
 
-  it('of a page that is loaded anew have values of all, too', async () => {
+  it('of a page that is loaded again have values of all, too', async () => {
     await live.page.goto('about:blank');
     await new Promise((done) => setTimeout(done, 1000)); // frames for nobody
     await live.page.goto(live.program.address);

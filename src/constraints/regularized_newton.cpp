@@ -1,0 +1,196 @@
+#include "regularized_newton.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fork1s::internal {
+namespace {
+
+constexpr int kPatience = 12, kConvexIterations = 100, kMaxFrozenBoundRounds = 30;
+constexpr int kPaths = 8;  // with another shift each; of twice as many the second half brought no answer
+constexpr double kShift = 0.01;                 // of the fastest point
+constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] evenly
+
+}  // namespace
+
+void RegularizedNewton::Reserve(int num_contacts, int num_limits, int freedoms) {
+  const auto n = static_cast<std::size_t>(freedoms);
+  lu_.Reserve(freedoms);
+  for (std::vector<double>* v : {&d_, &trial_, &step_, &kept_}) v->reserve(n);
+  path_.Reserve(num_contacts, num_limits, freedoms);
+}
+
+bool RegularizedNewton::Run(RegularizedContactProblem& rows, double tolerance, int max_iterations,
+                            int patience, int& iterations) {
+  double best = 1e300;
+  int best_at = 0;
+  const std::size_t n = d_.size();
+  rows.Evaluate(d_.data(), true);
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    if (rows.Reached(tolerance)) return true;
+    if (rows.F_norm() < 0.5 * best) {
+      best = rows.F_norm();
+      best_at = iteration;
+    } else if (iteration - best_at >= patience) {
+      return false;
+    }
+    ++iterations;
+    for (std::size_t i = 0; i < n; ++i) step_[i] = -rows.F()[i];
+    if (!lu_.Factor(rows)) return false;
+    lu_.Solve(rows, step_.data());
+    const double start = Dot(step_, rows.F());
+    const auto evaluate = [&](double length, bool with_derivative) {
+      for (std::size_t i = 0; i < n; ++i) trial_[i] = d_[i] + length * step_[i];
+      rows.Evaluate(trial_.data(), with_derivative);
+      return Dot(step_, rows.F());
+    };
+    double slope = evaluate(1, true);
+    if (!rows.Reached(tolerance) && start < 0 && slope > 0.1 * std::abs(start)) {
+      // The root of s·F on the way: bracketed by regula falsi (Illinois).
+      double low = 0, f_low = start, high = 1, f_high = slope, length = 1;
+      int side = 0;
+      for (int k = 0; k < 30 && std::abs(slope) > 0.1 * std::abs(start); ++k) {
+        length = low + (high - low) * f_low / (f_low - f_high);
+        if (!(length > low && length < high)) length = 0.5 * (low + high);
+        slope = evaluate(length, false);
+        if (slope > 0) {
+          high = length;
+          f_high = slope;
+          if (side == 1) f_low *= 0.5;
+          side = 1;
+        } else {
+          low = length;
+          f_low = slope;
+          if (side == -1) f_high *= 0.5;
+          side = -1;
+        }
+      }
+      evaluate(length, true);
+    }
+    d_.swap(trial_);
+  }
+  return rows.Reached(tolerance);
+}
+
+// From the answer without friction, a convex problem, along the path of answers. Where several modes change
+// at once a path may get lost; a problem whose velocities are shifted a little, less and less with friction,
+// ends at the same answer, and almost none of its paths has such places.
+bool RegularizedNewton::SolveByContinuation(RegularizedContactProblem& rows, double tolerance,
+                                            int& iterations) {
+  double speed = 0, next = 0;
+  for (const PointRows& point : rows.points) speed = std::max(speed, point.velocity.base.norm());
+  bool found = false;
+  for (int path = 0; path < kPaths && !found; ++path) {
+    for (PointRows& point : rows.points)
+      for (double& x : point.velocity.shift) {
+        next += kGoldenRatio;
+        x = path * kShift * speed * (2 * (next - std::floor(next)) - 1);
+      }
+    std::fill(d_.begin(), d_.end(), 0.0);
+    rows.SetFrictionShare(0);
+    found = Run(rows, tolerance, kConvexIterations, kConvexIterations, iterations);
+    rows.SetFrictionShare(1);
+    found = found && path_.Follow(rows, d_, tolerance, iterations);
+  }
+  for (PointRows& point : rows.points) point.velocity.shift.setZero();
+  return found;
+}
+
+// Rounds of the convex problem whose friction bounds are frozen, half way to what the last one bore each.
+bool RegularizedNewton::SolveByTresca(RegularizedContactProblem& rows, int rounds, double tolerance,
+                                      int& iterations) {
+  for (PointRows& point : rows.points) point.law.frozen_normal = point.impulse[0];
+  const auto set = [&](bool frozen) {
+    for (PointRows& point : rows.points) point.law.frozen_normal = frozen ? point.frozen_before : -1;
+  };
+  for (int round = 1; round <= rounds; ++round) {
+    Run(rows, 1e-4, kConvexIterations, kConvexIterations, iterations);
+    for (PointRows& point : rows.points)
+      point.frozen_before = point.law.frozen_normal = 0.5 * (point.law.frozen_normal + point.impulse[0]);
+    if (round % 3 != 0 && round != rounds) continue;
+    set(false);
+    kept_ = d_;
+    if (Run(rows, tolerance, kPatience, kPatience, iterations)) return true;
+    d_ = kept_;
+    set(round < rounds);
+  }
+  rows.Evaluate(d_.data(), false);
+  return false;
+}
+
+// What is left where no answer was found. Impulses of the law at some d are not it: where F(d) is not 0 they
+// are those of w/R, a thousand times what the points need, and did work. A convex problem with frozen bounds
+// always has an answer, in which impulses only take energy; its bounds come down to what each point bears
+// until all lie within their cones. What is wrong with it is that some points slide with less than all of
+// their friction.
+void RegularizedNewton::SolveConvexFallback(RegularizedContactProblem& rows, double tolerance,
+                                            int& iterations) {
+  for (PointRows& point : rows.points) point.law.frozen_normal = std::max(0.0, point.frozen_before);
+  for (int round = 0; round < kMaxFrozenBoundRounds; ++round) {
+    Run(rows, tolerance, kConvexIterations, kConvexIterations, iterations);
+    double over = 0, most = 0;
+    for (PointRows& point : rows.points) {
+      over = std::max(over, point.law.frozen_normal - point.impulse[0]);
+      most = std::max(most, point.impulse[0]);
+      point.law.frozen_normal = std::min(point.law.frozen_normal, point.impulse[0]);
+    }
+    if (!(over > tolerance * most)) break;
+  }
+  for (PointRows& point : rows.points) {
+    point.law.frozen_normal = -1;
+    point.ProjectToCone();
+  }
+}
+
+// What was found in d alone, taken up by modes: their impulses are free of rounding.
+bool RegularizedNewton::RefineBySemismooth(RegularizedContactProblem& rows, SemismoothNewton& semismooth,
+                                           double tolerance, int& iterations) {
+  trial_ = d_;
+  if (semismooth.Solve(rows, trial_, tolerance, iterations)) {
+    d_.swap(trial_);
+    return true;
+  }
+  return semismooth.RefineInFixedModes(rows, d_, tolerance);
+}
+
+void RegularizedNewton::Solve(RegularizedContactProblem& rows, SemismoothNewton& semismooth,
+                              const ContactSolverOptions& options, std::vector<double>& change,
+                              ContactSolverReport& report) {
+  const double tolerance = options.tolerance;
+  int& iterations = report.newton_iterations;
+  for (std::vector<double>* v : {&trial_, &step_}) v->assign(change.size(), 0.0);
+  kept_ = d_ = change;
+  const auto refines = [&] { return RefineBySemismooth(rows, semismooth, tolerance, iterations); };
+  const int patience = kPatience + static_cast<int>(rows.points.size());
+  report.converged = Run(rows, tolerance, options.max_newton_iterations, patience, iterations) && refines();
+  if (!report.converged) {
+    report.fallback = std::max(report.fallback, 1);
+    d_ = kept_;
+    rows.Evaluate(d_.data(), false);
+    report.converged = SolveByTresca(rows, 12, tolerance, iterations) && refines();
+  }
+  if (!report.converged) {
+    report.fallback = std::max(report.fallback, 2);
+    std::fill(d_.begin(), d_.end(), 0.0);
+    rows.Evaluate(d_.data(), false);
+    bool found = false;
+    for (double share : {0.1, 0.01, 0.001, 0.0}) {
+      rows.IncreaseRegularization(share);
+      found = SolveByTresca(rows, share > 0 ? 3 : 30, share > 0 ? 1e-2 : tolerance, iterations);
+    }
+    report.converged = found && refines();
+  }
+  if (!report.converged) {
+    report.fallback = 3;
+    kept_ = d_;
+    report.converged = SolveByContinuation(rows, tolerance, iterations) && refines();
+    if (!report.converged) {  // what softer contact left
+      d_ = kept_;
+      SolveConvexFallback(rows, tolerance, iterations);
+      semismooth.AcceptImpulses(rows, d_);
+    }
+  }
+  change.swap(d_);
+}
+
+}  // namespace fork1s::internal
