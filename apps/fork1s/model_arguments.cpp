@@ -59,6 +59,7 @@ Expected<RigidTransform> ParsePose(const std::string& text, const std::string& o
 // The importer names its own options; whoever typed a word looks for it behind the option that was typed.
 std::string AsTyped(std::string where) {
   static const std::pair<const char*, const char*> kTyped[] = {{"interfaces", "--interface"},
+                                                               {"switched", "--switched"},
                                                                {"joint-pd", "--pd"},
                                                                {"pd", "--pd"},
                                                                {"q", "--q"},
@@ -101,6 +102,12 @@ void ModelArguments::AddTo(CLI::App& command) {
                   "bodies that touch the world (a,b,...); replaces what the file says")
       ->delimiter(',')
       ->allow_extra_args(false);  // the model may come next
+  command
+      .add_option("--switched", switched,
+                  "welds and connects (a,b,...) that the file starts active and a control of their name "
+                  "switches, 1 at the start; replaces what the file says")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   command.add_option("--base", base, "fixed, floating or driven; replaces what the file says")
       ->check(OneOf({"fixed", "floating", "driven"}));
   command
@@ -194,6 +201,7 @@ void AddPushTo(CLI::App& command, std::vector<std::string>& pushes) {
 Expected<ImportOptions> ModelArguments::Options() const {
   ImportOptions options;
   options.interfaces = interfaces;
+  options.switched = switched;
   options.base = Named(kBaseKindNames, base);
   options.modes_by_step = modes == "auto";
   if (!modes.empty() && !options.modes_by_step) options.modes = std::stoi(modes);
@@ -221,6 +229,7 @@ std::vector<std::string> ModelArguments::Words() const {
     if (!value.empty()) words.push_back(fmt::format("{}={}", option, value));
   };
   for (const std::string& body : interfaces) add("--interface", body);
+  for (const std::string& equality : switched) add("--switched", equality);
   add("--base", base);
   add("--modes", modes);
   add("--mode-choice", mode_choice);

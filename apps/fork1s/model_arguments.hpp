@@ -20,7 +20,7 @@ inline const std::atomic<bool> kNeverStopped{false};
 
 struct ModelArguments {
   std::string path;
-  std::vector<std::string> interfaces;
+  std::vector<std::string> interfaces, switched;
   std::string base;
   std::string modes;  // a number or "auto"
   std::string mode_choice;

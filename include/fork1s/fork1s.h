@@ -60,6 +60,7 @@ typedef struct fork1s_snapshot fork1s_snapshot;
 
 /* Reads MJCF or URDF. `options`: NULL, or JSON text with any of
  *   "interface": ["BODY", ...]   bodies that touch the world; in place of what the file says
+ *   "switched": ["EQUALITY", ...]  welds and connects that start active and a control switches; likewise
  *   "base": "fixed" | "floating" | "driven"                            likewise
  *   "modes": K | "auto"          fixed-interface modes to keep at most; likewise
  *   "mode_choice": "lowest" | "contribution"                           likewise

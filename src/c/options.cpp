@@ -128,6 +128,7 @@ Readers LoadReaders(LoadOptions& options) {
   ImportOptions& o = options.import;
   return {
       {"interface", [&](const Json& v, const std::string& name) { o.interfaces = Names(v, name); }},
+      {"switched", [&](const Json& v, const std::string& name) { o.switched = Names(v, name); }},
       {"base", [&](const Json& v, const std::string& name) { o.base = Word(v, name, kBaseKindNames); }},
       {"modes",
        [&](const Json& v, const std::string& name) {

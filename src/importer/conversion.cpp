@@ -80,11 +80,12 @@ EqualityPlace PlaceOfEquality(const mjModel& m, int e, int which) {
 }
 
 bool Conversion::IsActive(int e) const {
-  return m.eq_active0[e] && !(m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT));
+  return m.eq_active0[e] && !switched_by_name[e] &&
+         !(m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT));
 }
 
 bool Conversion::IsSwitchable(int e) const {
-  return !m.eq_active0[e] && m.names[m.name_eqadr[e]] != '\0' &&
+  return (!m.eq_active0[e] || switched_by_name[e]) && m.names[m.name_eqadr[e]] != '\0' &&
          (m.eq_type[e] == mjEQ_CONNECT || m.eq_type[e] == mjEQ_WELD) &&
          !(m.opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT));
 }

@@ -6,6 +6,7 @@
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/scene.hpp>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -71,6 +72,7 @@ struct Conversion {
   std::vector<JointPlace> joint;  // per MuJoCo joint
   std::vector<bool> rigid_root;  // per MuJoCo body: its free joint and a weld to the base became a fixed link
   std::vector<bool> used_equality;
+  std::vector<bool> switched_by_name;  // per equality: options or <custom> name it as one that is switched
   std::vector<std::string> body_names, joint_names, actuator_names, sensor_names;
 
   // Per degree of freedom of MuJoCo: force = c - k q of all that acts on this freedom alone.
@@ -104,8 +106,8 @@ struct Conversion {
   std::string DofName(int dof) const;  // joint name, with its axis if it has several
   double Reference(int dof) const;     // qpos0 of a hinge or slide, 0 otherwise
   const char* StiffnessUnit(int dof) const;
-  bool IsActive(int equality) const;  // switched on in the file
-  /// Off in the file, and a control of its name switches it: a weld or connect with a name.
+  bool IsActive(int equality) const;  // on in the file, and for good
+  /// A control of its name switches it: a weld or connect with a name that is off in the file, or named as switched.
   bool IsSwitchable(int equality) const;
   bool EqualityWorks(int equality) const;  // active, understood, and joins something
   /// What a length is in a definition: `terms` of freedoms, or a path, which is made where it is asked for
@@ -189,7 +191,9 @@ void ConvertGeoms(Conversion& c);
 void ListDoubtfulMeshes(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).
 void ConvertEqualities(Conversion& c);
-/// Equalities that a control switches (switched_equalities.cpp); after ConvertActuators, whose names are taken.
+/// Which equalities options or <custom> name as switched (switched_equalities.cpp); before all that asks for IsActive.
+std::optional<Error> FindSwitchedByName(Conversion& c, const ImportOptions& options);
+/// Equalities that a control switches; after ConvertActuators, whose names are taken.
 void ConvertSwitchedEqualities(Conversion& c);
 /// Their bodies become interface bodies; after ApplyCustom.
 void AddSwitchedInterfaces(Conversion& c);
@@ -211,7 +215,12 @@ void ConvertSensors(Conversion& c);
 /// Springs of joints and tendons (springs.cpp); FinishSprings writes k and c into the freedoms.
 void ConvertSprings(Conversion& c);
 void FinishSprings(Conversion& c);
-/// Interfaces, base and modes, from options or the file's <custom> (interfaces.cpp).
+/// Text of that name in the file's <custom> (interfaces.cpp).
+std::optional<std::string> CustomText(const mjModel& m, const std::string& name);
+/// Names with blanks or commas between; a comma within a known name is part of it.
+std::vector<std::string> ListedNames(const std::string& text,
+                                     const std::function<bool(const std::string&)>& is_known);
+/// Interfaces, base and modes, from options or the file's <custom>.
 std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options);
 /// Initial states (keyframes.cpp).
 std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);

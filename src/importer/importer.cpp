@@ -42,6 +42,7 @@ void SetUp(Conversion& c) {
   c.joint.resize(m.njnt);
   c.rigid_root.assign(m.nbody, false);
   c.used_equality.assign(m.neq, false);
+  c.switched_by_name.assign(m.neq, false);
   c.k.assign(nv, 0);
   c.c.assign(nv, 0);
   c.held_by.resize(nv);
@@ -155,6 +156,7 @@ namespace internal {
 
 std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const std::vector<Mimic>& mimics) {
   SetUp(c);
+  if (auto error = FindSwitchedByName(c, options)) return error;
   if (auto error = Validate(c)) return error;
   if (auto error = CheckJointEqualities(c)) return error;
   FindComponents(c);

@@ -8,7 +8,6 @@
 #include "names.hpp"
 
 namespace fork1s::internal {
-namespace {
 
 std::optional<std::string> CustomText(const mjModel& m, const std::string& name) {
   for (int i = 0; i < m.ntext; ++i) {
@@ -16,6 +15,20 @@ std::optional<std::string> CustomText(const mjModel& m, const std::string& name)
   }
   return std::nullopt;
 }
+
+std::vector<std::string> ListedNames(const std::string& text,
+                                     const std::function<bool(const std::string&)>& is_known) {
+  std::vector<std::string> names;
+  for (std::string word : SplitWords(text)) {
+    const bool known = is_known(word);
+    if (!known) std::replace(word.begin(), word.end(), ',', ' ');
+    for (const std::string& name : known ? std::vector<std::string>{word} : SplitWords(word))
+      names.push_back(name);
+  }
+  return names;
+}
+
+namespace {
 
 std::optional<double> CustomNumber(const mjModel& m, const std::string& name) {
   for (int i = 0; i < m.nnumeric; ++i) {
@@ -148,19 +161,6 @@ std::optional<Error> DistributeNames(Conversion& c, const std::vector<std::strin
   return std::nullopt;
 }
 
-// Names with blanks or commas between; a comma within the name of a body is part of it.
-std::vector<std::string> InterfaceWords(const Conversion& c, const std::string& text) {
-  std::vector<std::string> names;
-  for (std::string word : SplitWords(text)) {
-    const bool known = std::any_of(c.scene.mechanisms.begin(), c.scene.mechanisms.end(),
-                                   [&](const MechanismDef& m) { return m.FindBody(word).valid(); });
-    if (!known) std::replace(word.begin(), word.end(), ',', ' ');
-    for (const std::string& name : known ? std::vector<std::string>{word} : SplitWords(word))
-      names.push_back(name);
-  }
-  return names;
-}
-
 std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options) {
   std::vector<std::string> names = options.interfaces;
   std::string where = "option interfaces";
@@ -169,7 +169,10 @@ std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options
     if (const auto text = CustomText(c.m, "fork1s_interface")) {
       where = "text 'fork1s_interface'";
       code = ErrorCode::kModel;
-      names = InterfaceWords(c, *text);
+      names = ListedNames(*text, [&](const std::string& name) {
+        return std::any_of(c.scene.mechanisms.begin(), c.scene.mechanisms.end(),
+                           [&](const MechanismDef& m) { return m.FindBody(name).valid(); });
+      });
       if (names.empty()) {
         return c.ModelError(where, "it names no body; list the bodies that touch, or remove the text");
       }

@@ -126,18 +126,29 @@ class MjcfWriter {
     mjs_setString(mjs_asText(element)->data, value.c_str());
   }
 
-  std::optional<Error> WriteCustom() {
-    if (!options_.interfaces.empty()) {
-      std::string names;
-      for (const std::string& name : options_.interfaces) {
-        if (name.find_first_of(" \t\n") != std::string::npos)
-          return Refuse(
-              "interfaces",
-              fmt::format("the name '{}' has a blank, which separates names in MJCF; rename the body", name));
-        names += (names.empty() ? "" : " ") + name;
-      }
-      SetText("fork1s_interface", names);
+  std::optional<Error> WriteNames(const char* option, const char* text,
+                                  const std::vector<std::string>& names) {
+    if (names.empty()) return std::nullopt;
+    std::string words;
+    for (const std::string& name : names) {
+      if (name.find_first_of(" \t\n") != std::string::npos)
+        return Refuse(
+            option, fmt::format("the name '{}' has a blank, which separates names in MJCF; rename it", name));
+      words += (words.empty() ? "" : " ") + name;
     }
+    SetText(text, words);
+    return std::nullopt;
+  }
+
+  std::optional<Error> WriteCustom() {
+    if (auto error = WriteNames("interfaces", "fork1s_interface", options_.interfaces)) return error;
+    for (const std::string& name : options_.switched)
+      if (c_.hinges.count(name) > 0)
+        return Refuse("switched",
+                      fmt::format("loop joint '{}' is a hinge, which MJCF has as two equalities; make it a "
+                                  "spherical or fixed one, or leave it closed",
+                                  name));
+    if (auto error = WriteNames("switched", "fork1s_switched", options_.switched)) return error;
     if (options_.base) SetText("fork1s_base", Name(*options_.base));
     if (options_.mode_choice) SetText("fork1s_mode_choice", Name(*options_.mode_choice));
     if (!options_.modes && !options_.modes_by_step) return std::nullopt;

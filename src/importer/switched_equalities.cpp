@@ -1,9 +1,12 @@
-// Welds and connects that are off in the file: a control of their name switches them while a simulation runs.
+// Welds and connects that are off in the file, or that it starts active and options or <custom> name: a control of their
+// name switches them while a simulation runs.
 #include <fmt/format.h>
 
 #include <algorithm>
 
 #include "conversion.hpp"
+#include "mechanism/names.hpp"
+#include "names.hpp"
 
 namespace fork1s::internal {
 namespace {
@@ -74,6 +77,7 @@ void ConvertSwitched(Conversion& c, int e) {
   control.name = closure.control = FreeName(c, name);
   control.lower = 0;
   control.upper = 1;
+  control.initial = m.eq_active0[e] ? 1 : 0;
   if (control.name != name)
     c.Note(ImportNote::Kind::kChanged, where,
            fmt::format("an actuator has its name, so the control that switches it is '{}'", control.name));
@@ -83,6 +87,40 @@ void ConvertSwitched(Conversion& c, int e) {
 }
 
 }  // namespace
+
+std::optional<Error> FindSwitchedByName(Conversion& c, const ImportOptions& options) {
+  const mjModel& m = c.m;
+  const auto name_of = [&](int e) { return std::string(m.names + m.name_eqadr[e]); };
+  std::vector<std::string> known;
+  for (int e = 0; e < m.neq; ++e)
+    if (const std::string name = name_of(e);
+        !name.empty() && (m.eq_type[e] == mjEQ_WELD || m.eq_type[e] == mjEQ_CONNECT))
+      known.push_back(name);
+  const auto is_known = [&](const std::string& name) {
+    return std::find(known.begin(), known.end(), name) != known.end();
+  };
+  std::vector<std::string> names = options.switched;
+  std::string where = "option switched";
+  ErrorCode code = ErrorCode::kUsage;
+  if (names.empty()) {
+    const std::optional<std::string> text = CustomText(m, "fork1s_switched");
+    if (!text) return std::nullopt;
+    where = "text 'fork1s_switched'";
+    code = ErrorCode::kModel;
+    names = ListedNames(*text, is_known);
+    if (names.empty())
+      return c.ModelError(
+          where, "it names no equality; list the welds and connects that are switched, or remove the text");
+  }
+  for (const std::string& name : names) {
+    if (!is_known(name))
+      return Error{code, fmt::format("{}, {}", c.file, where),
+                   fmt::format("no weld and no connect is called '{}'{}", name, Suggestion(name, known))};
+    for (int e = 0; e < m.neq; ++e)
+      if (name_of(e) == name) c.switched_by_name[e] = true;
+  }
+  return std::nullopt;
+}
 
 void ConvertSwitchedEqualities(Conversion& c) {
   for (int e = 0; e < c.m.neq; ++e)

@@ -404,13 +404,13 @@ void Fields(A& a, Like<PdGains, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ImportOptions, A>& s) {
-  auto& [interfaces, base, modes, modes_by_step, mode_choice, stiffness_scale, pd, joint_pd, keyframe,
-         base_pose, joint_coordinates, keep_start, hold, ground, ground_height, packages] = s;
+  auto& [interfaces, switched, base, modes, modes_by_step, mode_choice, stiffness_scale, pd, joint_pd,
+         keyframe, base_pose, joint_coordinates, keep_start, hold, ground, ground_height, packages] = s;
   a("interfaces", interfaces), a("base", base), a("modes", modes), a("modes_by_step", modes_by_step);
   a("mode_choice", mode_choice), a("stiffness_scale", stiffness_scale), a("pd", pd), a("joint_pd", joint_pd);
   a("keyframe", keyframe), a("base_pose", base_pose), a("joint_coordinates", joint_coordinates);
   a("keep_start", keep_start), a("hold", hold), a("ground", ground), a("ground_height", ground_height),
-      a("packages", packages);
+      a("packages", packages), a("switched", switched);
 }
 
 template <class A>

@@ -513,6 +513,7 @@ TEST(CModel, OptionsAreThoseOfTheImporter) {
   options.pd = PdGains{5, 0.1};
   options.base_pose = RigidTransform(Quaternion(1, 2, -1, 0.5).normalized(), Vector3(0.1, 0.2, 0.3));
   options.interfaces = {"hand"};
+  options.switched = {"grip"};
   options.joint_pd = {{"elbow", {3, 0.2}}};
   options.joint_coordinates = {{"elbow", 1.1}};  // outside its limits
   options.keep_start = true;
@@ -523,14 +524,16 @@ TEST(CModel, OptionsAreThoseOfTheImporter) {
       R"(<mujoco><worldbody><body name="mount"><geom size="0.1"/><body name="arm" pos="0.2 0 0">
     <joint name="shoulder" axis="0 0 1"/><geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0"/>
     <body name="hand" pos="0.3 0 0"><joint name="elbow" axis="0 1 0" range="-1 1" limited="true" stiffness="4"/>
-    <geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0"/></body></body></body></worldbody>
+    <geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0"/></body></body>
+    <body name="tool" pos="0 0 0.3"><joint name="rail" type="slide" axis="0 0 1" damping="1"/><geom size="0.02"/></body></body></worldbody>
+    <equality><weld name="grip" body1="arm" body2="tool"/></equality>
     <compiler angle="radian"/><actuator><position name="servo" joint="elbow" kp="3"/></actuator></mujoco>)";
   const auto imported = LoadMechanismFromString(text, "arm", options);
   ASSERT_TRUE(imported) << imported.error().Text();
   Simulation simulation = Create(*imported);
   fork1s_model* model = nullptr;
   Check(fork1s_model_load_text(text, "arm", R"({
-    "interface": ["hand"], "base": "driven", "modes": 2, "mode_choice": "contribution", "stiffness_scale": 2,
+    "interface": ["hand"], "switched": ["grip"], "base": "driven", "modes": 2, "mode_choice": "contribution", "stiffness_scale": 2,
     "pd": [5, 0.1], "joint_pd": {"elbow": [3, 0.2]}, "q": {"elbow": 1.1}, "keep_start": true, "hold": true, "ground": -2,
     "base_pose": [0.1, 0.2, 0.3, 1, 2, -1, 0.5]})",
                                &model));

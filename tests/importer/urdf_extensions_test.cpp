@@ -197,5 +197,31 @@ TEST(UrdfExtensions, AreWrittenAsMjcf) {
             1e-12);
 }
 
+TEST(UrdfExtensions, LoopJointThatIsNamedAsSwitched_IsOneThatStartsOn) {
+  ImportOptions options;
+  options.switched = {"l"};
+  const MechanismDef robot = MustLoad(Parallelogram(kHinge), options).scene.mechanisms.at(0);
+  EXPECT_TRUE(robot.closures.empty());
+  ASSERT_EQ(robot.switched_closures.size(), 1u);
+  EXPECT_EQ(robot.switched_closures[0].rigid.count(), 5);
+  EXPECT_FALSE(robot.switched_closures[0].rigid[2]);
+  ASSERT_EQ(robot.controls.size(), 1u);
+  EXPECT_EQ(robot.controls[0].name, "l");
+  EXPECT_EQ(robot.controls[0].initial, 1);
+  // In MJCF it would be two points, each with a control of its own.
+  const auto refused = ModelAsMjcf(WriteFile("loop.urdf", Parallelogram(kHinge)), options, ".", "meshes");
+  ASSERT_FALSE(refused);
+  EXPECT_CONTAINS(refused.error().Text(), "loop joint 'l' is a hinge");
+  // One without rotation is a weld.
+  std::string fixed = kHinge;
+  fixed.replace(fixed.find("continuous"), 10, "fixed");
+  const auto written = ModelAsMjcf(WriteFile("loop.urdf", Parallelogram(fixed)), options, ".", "meshes");
+  ASSERT_TRUE(written) << written.error().Text();
+  const MechanismDef again = MustLoad(written->text).scene.mechanisms.at(0);
+  EXPECT_TRUE(again.closures.empty());
+  ASSERT_EQ(again.controls.size(), 1u);
+  EXPECT_EQ(again.controls[0].initial, 1);
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

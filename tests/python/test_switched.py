@@ -42,6 +42,50 @@ def test_a_weld_holds_from_when_it_is_switched_on_until_it_is_off():
     assert sim.hash() == other.hash() and sim.pose("crate")[2, 3] == pytest.approx(held, abs=1e-5)
 
 
+def starting_on(text: str) -> str:
+    return text.replace(' active="false"', "")
+
+
+@pytest.mark.parametrize("by_option", [False, True])
+def test_a_weld_that_starts_on_is_released(by_option):
+    text = starting_on(CRANE)
+    if by_option:
+        model = fork1s.load(text, switched="hook")
+    else:
+        custom = '<custom><text name="fork1s_switched" data="hook"/></custom>'
+        model = fork1s.load(text.replace("<worldbody>", custom + "<worldbody>"))
+    dt = 1 / 240
+    sim = fork1s.Simulation(model, dt=dt)
+    assert dict(sim.controls) == {"hook": 1}
+    # Damping of 200 N·m·s/rad on 5.5 kg·m²: what swings falls by exp(-18 t), to 1e-4 of 14 mm in 0.5 s. The rest as above.
+    sim.step(120)
+    held = sim.pose("crate")[2, 3]
+    assert held == pytest.approx(1.5 - (5 * 0.5 + 3 * 1) * 9.81 / 4000, abs=2e-4)
+    speed = sim.velocities[sim.bodies.index("crate")][5]
+    saved = sim.save()
+    sim.controls["hook"] = 0
+    fallen = held - np.array([sim.step(1) and sim.pose("crate")[2, 3] for _ in range(60)])
+    # Both stages of a step are exact for a constant acceleration: rounding alone.
+    t = dt * np.arange(1, 61)
+    np.testing.assert_allclose(fallen, 0.5 * 9.81 * t**2 - speed * t, atol=1e-9)
+    end = sim.hash()
+    sim.restore(saved)
+    assert sim.controls["hook"] == 1
+    sim.controls["hook"] = 0
+    sim.step(60)
+    assert sim.hash() == end
+
+
+def test_an_active_weld_that_is_not_named_is_no_control():
+    assert dict(fork1s.Simulation(fork1s.load(starting_on(CRANE))).controls) == {}
+    with pytest.raises(
+        fork1s.UsageError, match="no weld and no connect is called 'hok'; near names are 'hook'"
+    ):
+        fork1s.load(starting_on(CRANE), switched=["hok"])
+    with pytest.raises(TypeError, match="switched must be a name or a sequence of names"):
+        fork1s.load(CRANE, switched=1)
+
+
 def test_members_of_a_batch_switch_on_their_own():
     batch = fork1s.Batch(fork1s.load(CRANE), 2, dt=1 / 60)
     batch.step(np.array([[0.0], [1.0]]), 12)

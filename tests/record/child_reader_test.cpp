@@ -25,10 +25,12 @@ TEST(ImportOptionsJson, RoundTrip) {
   options.keep_start = options.hold = options.ground = true;
   options.ground_height = 0.3;
   options.packages = {{"robot", "/a=b"}};
+  options.switched = {"hook, with a comma"};
   const auto read = ReadImportOptions(WriteImportOptions(options), "all");
   ASSERT_TRUE(read) << read.error().Text();
   EXPECT_EQ(WriteImportOptions(*read), WriteImportOptions(options));
   EXPECT_EQ(read->interfaces, options.interfaces);
+  EXPECT_EQ(read->switched, options.switched);
   EXPECT_EQ(read->base, BaseKind::kFloating);
   EXPECT_EQ(read->pd->kv, 5e-324);
   EXPECT_EQ(read->joint_pd.at("knee=1,2").kv, 2);

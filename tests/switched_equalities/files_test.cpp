@@ -31,6 +31,81 @@ TEST(SwitchedEquality, OfAFile_IsAControlThatIsOff) {
   EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kDropped, "grab"));
 }
 
+TEST(SwitchedEquality, NamedThoughItStartsOn_IsAControlThatIsOn) {
+  for (const bool by_option : {false, true}) {
+    SCOPED_TRACE(by_option);
+    Arm arm = ArmThatHolds();
+    arm.equality = "<weld name='grab' {0}/><weld name='spare' {0} active='false'/>";
+    ImportOptions options;
+    if (by_option) {
+      // What the file says is replaced.
+      arm.custom = "<text name='fork1s_switched' data='spare'/>";
+      options.switched = {"grab"};
+    }
+    std::string text = arm.Text();
+    text.insert(text.find("</mujoco>"), "<keyframe><key name='up' qpos='.1 1 0 -.3 1 0 0 0'/></keyframe>");
+    for (const char* keyframe : {"", "up"}) {
+      options.keyframe = keyframe;
+      const auto loaded = LoadMechanismFromString(text, "test.xml", options);
+      ASSERT_TRUE(loaded) << loaded.error().Text();
+      const MechanismDef& def = loaded->scene.mechanisms.at(0);
+      EXPECT_TRUE(def.closures.empty());
+      EXPECT_EQ(loaded->scene.free_bodies.size(), 1u);
+      ASSERT_EQ(def.controls.size(), 3u);
+      EXPECT_EQ(def.controls[1].name, "grab");
+      EXPECT_EQ(def.controls[1].initial, 1);
+      EXPECT_EQ(def.controls[1].lower, 0);
+      EXPECT_EQ(def.controls[1].upper, 1);
+      EXPECT_EQ(def.controls[2].initial, 0);  // spare, off whether named or not
+      EXPECT_EQ(loaded->scene.keyframes.at(0).mechanisms.at(0).controls, Vector3(0, 1, 0));
+    }
+  }
+}
+
+// The file's word is the control's value at the start and nothing else.
+TEST(SwitchedEquality, ThatStartsOn_MovesAsOneThatIsSwitchedOnAtTheStart) {
+  Simulation named = MustStart(ArmThatHolds().Text(), 1. / 240), off = MustStart(Arm().Text(), 1. / 240);
+  off.SetControl("grab", 1);
+  off.StartFromControls();
+  for (Simulation* s : {&named, &off}) RunUntil(*s, 0.1);
+  EXPECT_EQ(named.HashState(), off.HashState());
+}
+
+TEST(SwitchedEquality, NotNamedAndOn_IsAClosureOfTheReduction) {
+  Arm arm = ArmThatHolds();
+  arm.equality += "<weld name='spare' body1='arm' body2='other'/>";
+  arm.more = "<body name='other' pos='3 0 0'><freejoint/><geom size='.1'/></body>";
+  const MechanismDef def = MustLoad(arm.Text()).scene.mechanisms.at(0);
+  ASSERT_EQ(def.closures.size(), 1u);
+  EXPECT_EQ(def.closures[0].name, "spare");
+  EXPECT_EQ(def.switched_closures.size(), 1u);
+}
+
+TEST(SwitchedEquality, NamedAndNotThere_IsRefusedWithARemedy) {
+  struct Bad {
+    std::string data, part;
+  };
+  for (const Bad& bad : {Bad{"grabs", "called 'grabs'; near names are 'grab'"},
+                         Bad{"brake", "no weld and no connect is called 'brake'"},
+                         Bad{" ", "names no equality"}, Bad{"grab, nothing", "'nothing'"}}) {
+    SCOPED_TRACE(bad.data);
+    Arm arm = ArmThatHolds();
+    arm.equality += "<joint name='brake' joint1='shoulder'/>";
+    arm.custom = "<text name='fork1s_switched' data='" + bad.data + "'/>";
+    const auto loaded = LoadMechanismFromString(arm.Text(), "test.xml", {});
+    ASSERT_FALSE(loaded);
+    EXPECT_EQ(loaded.error().code, ErrorCode::kModel);
+    EXPECT_NE(loaded.error().Text().find(bad.part), std::string::npos) << loaded.error().Text();
+    EXPECT_NE(loaded.error().where.find("text 'fork1s_switched'"), std::string::npos);
+  }
+  ImportOptions options;
+  options.switched = {"hook"};
+  const auto loaded = LoadMechanismFromString(Arm().Text(), "test.xml", options);
+  ASSERT_FALSE(loaded);
+  EXPECT_EQ(loaded.error().code, ErrorCode::kUsage);
+  EXPECT_NE(loaded.error().where.find("option switched"), std::string::npos);
+}
+
 TEST(SwitchedEquality, WithoutANameOrOfJoints_IsLeftOutWithANote) {
   Arm arm;
   arm.equality = "<weld {} active='false'/><joint name='brake' joint1='shoulder' active='false'/>";
@@ -100,6 +175,33 @@ TEST(SwitchedEquality, SwitchedWithinARecording_IsReplayedBitByBit) {
     }
     ASSERT_TRUE(recorder->Finish());
   }
+  auto recording = Recording::Open(path.string());
+  ASSERT_TRUE(recording) << recording.error().Text();
+  const auto replay = Replay(*recording);
+  ASSERT_TRUE(replay) << replay.error().Text();
+  EXPECT_EQ(replay->steps, 120);
+  EXPECT_TRUE(replay->identical) << replay->first_difference_step;
+  EXPECT_EQ(replay->final_hash, s.HashState());
+  std::filesystem::remove(path);
+}
+
+TEST(SwitchedEquality, ThatStartsOnAndIsReleasedWithinARecording_IsReplayedBitByBit) {
+  const auto path =
+      std::filesystem::path(::testing::TempDir()) / fmt::format("fork1s_released_{}.h5", getpid());
+  Simulation s = MustStart(ArmThatHolds().Text(), 1. / 240);
+  const double start = Place(s, "box").z();
+  {
+    auto recorder = Recorder::Create(path.string(), s);
+    ASSERT_TRUE(recorder) << recorder.error().Text();
+    const ControlTrack track = ReleaseAt(0.25);
+    track.Start(s);
+    for (int k = 0; k < 120; ++k) {
+      track.Apply(s.time() + s.dt(), s);
+      ASSERT_TRUE(recorder->Append(s, s.Step(true)));
+    }
+    ASSERT_TRUE(recorder->Finish());
+  }
+  EXPECT_LT(Place(s, "box").z(), start - 0.25);
   auto recording = Recording::Open(path.string());
   ASSERT_TRUE(recording) << recording.error().Text();
   const auto replay = Replay(*recording);

@@ -36,6 +36,44 @@ TEST(SwitchedEquality, WeldedBox_HangsWithItsWeightAndFallsFreelyWhereItIsLetGo)
       }
 }
 
+TEST(SwitchedEquality, ThatStartsOn_HoldsItsLoadUntilAControlTrackReleasesIt) {
+  for (const double size : kSizes)
+    for (const Quaternion& turn : kTurns)
+      for (const int order : {0, 1, 2, 3}) {
+        SCOPED_TRACE(fmt::format("size {}, turned {}, order {}", size, turn.w() != 1, order));
+        Arm arm = ArmThatHolds();
+        arm.size = size;
+        arm.turn = turn;
+        arm.box_first = order % 2 == 1;
+        arm.swap_bodies = order / 2 == 1;
+        Simulation s = MustStart(arm.Text(), 1. / 240);
+        const Vector3 start = Place(s, "box");
+        const ControlTrack track = ReleaseAt(0.5);
+        track.Start(s);
+        const auto run_until = [&](double until) {
+          while (s.time() < until - 1e-9) {
+            track.Apply(s.time() + s.dt(), s);
+            ASSERT_TRUE(s.Step(true).IsSolved()) << s.time();
+            // The servo sinks by 1e-6 of its length, and its arm and box start from rest above that.
+            if (s.time() < 0.5 + 1e-9) {
+              ASSERT_LT((Place(s, "box") - start).norm(), 1e-5 * size) << s.time();
+            }
+          }
+        };
+        run_until(0.5);
+        // After 0.5 s what the servo's motion to its rest, a share of 1e-6, adds to the weight has died away.
+        EXPECT_LT((arm.In(Force(s)) - Vector3(0, 0, arm.mass * kGravity)).norm(), 1e-5 * arm.mass * kGravity);
+        const Vector3 from = Place(s, "box");
+        run_until(0.75);
+        // Both stages are exact for constant accelerations; its velocity where it is let go is that of the sinking servo,
+        // below 1e-6 of the weight's over a step.
+        const Vector3 fallen = arm.In(Place(s, "box") - from);
+        EXPECT_NEAR(fallen.z(), -0.5 * kGravity * 0.25 * 0.25, 1e-6 * kGravity);
+        EXPECT_LT(fallen.head<2>().norm(), 1e-6 * size);
+        EXPECT_EQ(Force(s).norm(), 0);
+      }
+}
+
 // A box on a connect to the world is a compound pendulum: θ'' = -m g L sin θ / (I + m L²), here by Runge and Kutta.
 struct Pendulum {
   double angle = 1, rate = 0, stiffness = 0;  // rad, rad/s, 1/s²

@@ -23,7 +23,8 @@ struct Arm {
   Quaternion turn = Quaternion::Identity();
   bool box_first = false, swap_bodies = false;
   std::string equality = "<weld name='grab' {} active='false'/>";
-  std::string more = "";  // further bodies
+  std::string more = "";    // further bodies
+  std::string custom = "";  // texts of <custom>
 
   std::string Vec(const Vector3& v) const {
     const Vector3 t = turn * v;
@@ -47,14 +48,24 @@ struct Arm {
                          0.1 * size, 0.2 * size, mass));
     const std::string bodies = swap_bodies ? "body1='box' body2='arm'" : "body1='arm' body2='box'";
     return fmt::format(
-        "<mujoco><option gravity='{}' {}/><worldbody>{}{}{}</worldbody><actuator><position name='servo' "
+        "<mujoco><option gravity='{}' {}/><custom>{}</custom><worldbody>{}{}{}</worldbody><actuator><position name='servo' "
         "joint='shoulder' kp='{:.17g}' kv='{:.17g}'/></actuator><equality>{}</equality></mujoco>",
-        Vec(Vector3(0, 0, -kGravity)), options, box_first ? box : arm, box_first ? arm : box, more,
+        Vec(Vector3(0, 0, -kGravity)), options, custom, box_first ? box : arm, box_first ? arm : box, more,
         stiffness(), 0.05 * stiffness(), fmt::format(fmt::runtime(equality), bodies));
   }
   /// In the frame of the model.
   Vector3 In(const Vector3& v) const { return turn.conjugate() * v; }
 };
+
+/// Its weld is on in the file, and named as switched.
+inline Arm ArmThatHolds() {
+  Arm arm;
+  arm.equality = "<weld name='grab' {}/>";
+  arm.custom = "<text name='fork1s_switched' data='grab'/>";
+  return arm;
+}
+/// Released after `time` [s].
+inline ControlTrack ReleaseAt(double time) { return {{"grab"}, {0, time, time + 1e-4}, {{1}, {1}, {0}}}; }
 
 inline const std::array<double, 3> kSizes = {0.01, 1, 20};  // m
 

@@ -36,6 +36,7 @@ def load(
     source: Source,
     *,
     interface: str | Sequence[str] = (),
+    switched: str | Sequence[str] = (),
     base: str | None = None,
     modes: int | Literal["auto"] | None = None,
     mode_choice: str | None = None,
@@ -62,6 +63,8 @@ def load(
             than `fork1s.mujoco_version`: its models are then read from the XML that it writes, which it can do of a
             specification whose assets are files, and of the model that it read last. All others are refused.
         interface: names of the bodies that may touch the world; replaces what the file says.
+        switched: names of welds and connects that the file starts active and a control of their name switches, 1 at
+            the start; replaces what the file says.
         base: 'fixed', 'floating' or 'driven'; replaces what the file says.
         modes: fixed-interface modes to keep at most; 'auto' keeps all below 1/(6 dt) and at least 4, within 24
             coordinates or twice those of the interface. Default: what the file says, else 'auto'.
@@ -87,6 +90,7 @@ def load(
     """
     given: dict[str, Any] = dict(
         interface=interface,
+        switched=switched,
         base=base,
         modes=modes,
         mode_choice=mode_choice,
@@ -121,6 +125,7 @@ _PROGRAM = str(Path(__file__).parent / "bin" / "fork1s")
 def _options(
     *,
     interface: Any,
+    switched: Any,
     stiffness_scale: Any,
     pd: Any,
     base_pose: Any,
@@ -134,8 +139,9 @@ def _options(
     for name, value in (("q", q), ("packages", packages)):
         if value is not None and not isinstance(value, Mapping):
             raise TypeError(f"{name} must be a mapping, not {value!r}")
-    if not isinstance(interface, (str, Sequence)):
-        raise TypeError(f"interface must be a name or a sequence of names, not {interface!r}")
+    for name, value in (("interface", interface), ("switched", switched)):
+        if not isinstance(value, (str, Sequence)):
+            raise TypeError(f"{name} must be a name or a sequence of names, not {value!r}")
     if not isinstance(in_process, bool):
         raise TypeError(f"in_process must be True or False, not {in_process!r}")
     gains: dict[str, Gains] = {}
@@ -147,6 +153,7 @@ def _options(
     return {
         **others,
         "interface": [interface] if isinstance(interface, str) else list(interface),
+        "switched": [switched] if isinstance(switched, str) else list(switched),
         "stiffness_scale": stiffness_scale,
         "pd": everywhere,
         "joint_pd": gains,

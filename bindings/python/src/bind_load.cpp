@@ -50,6 +50,8 @@ ImportOptions ReadOptions(const Options& given) {
   constexpr const char* kGains = "two numbers (kp, kv), or a mapping from joint names to these";
   options.interfaces =
       ReadAs<std::vector<std::string>>(get("interface"), "interface", "a name or a sequence of names");
+  options.switched =
+      ReadAs<std::vector<std::string>>(get("switched"), "switched", "a name or a sequence of names");
   options.base = Word(kBaseKindNames, text("base"), "base");
   options.modes_by_step =
       nb::isinstance<nb::str>(get("modes")) && nb::cast<std::string>(get("modes")) == "auto";

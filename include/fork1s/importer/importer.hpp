@@ -61,9 +61,11 @@ struct PdGains {
 
 struct ImportOptions {
   std::vector<std::string> interfaces;  // body names; replaces what the file says
-  std::optional<BaseKind> base;         // replaces what the file says
-  std::optional<int> modes;             // exactly so many fixed-interface modes at most
-  bool modes_by_step = false;           // as many as the time step resolves, whatever the file says
+  /// Names of welds and connects that the file starts active and a control switches; replaces what the file says.
+  std::vector<std::string> switched;
+  std::optional<BaseKind> base;  // replaces what the file says
+  std::optional<int> modes;      // exactly so many fixed-interface modes at most
+  bool modes_by_step = false;    // as many as the time step resolves, whatever the file says
   std::optional<ModeChoice> mode_choice;
   double stiffness_scale = 1;
   std::optional<PdGains> pd;                // joints that no spring and no servo holds
