@@ -545,5 +545,34 @@ TEST(CModel, OptionsAreThoseOfTheImporter) {
   EXPECT_EQ(Count(in_c, fork1s_simulation_num_controls), simulation.controls().size());
 }
 
+// A load on a hook: switched on where the file has it off, and let go.
+TEST(CSimulation, SwitchesEqualitiesAsTheCppOne) {
+  const char* text =
+      R"(<mujoco><worldbody><body name="mast" pos="0 0 2"><joint name="swing" axis="0 1 0" stiffness="4000" damping="200"/>
+    <geom type="capsule" fromto="0 0 0 1 0 0" size="0.03" mass="5" contype="0" conaffinity="0"/></body>
+    <body name="crate" pos="1 0 1.5"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="3"/></body></worldbody>
+    <equality><weld name="hook" body1="mast" body2="crate" active="false"/></equality></mujoco>)";
+  const auto imported = LoadMechanismFromString(text, "crane", {});
+  ASSERT_TRUE(imported) << imported.error().Text();
+  Simulation simulation = Create(*imported);
+  fork1s_model* model = nullptr;
+  Check(fork1s_model_load_text(text, "crane", nullptr, &model));
+  const CSimulation in_c = CreateInC(CModel(model));
+  std::int32_t hook = -1;
+  Check(fork1s_simulation_find_control(in_c.get(), "hook", &hook));
+  const int crate = simulation.FindBody("crate");
+  double fallen = 0;
+  for (const double value : {1.0, 0.0, 1.0}) {
+    Check(fork1s_simulation_set_control(in_c.get(), hook, value));
+    simulation.SetControl("hook", value);
+    const double before = simulation.Pose(crate).translation().z();
+    Check(fork1s_simulation_step(in_c.get(), 30, FORK1S_HOLD, nullptr));
+    for (int k = 0; k < 30; ++k) simulation.Step();
+    ExpectSame(in_c, simulation);
+    if (value == 0) fallen = before - simulation.Pose(crate).translation().z();
+  }
+  EXPECT_GT(fallen, 1.0);  // g t²/2 of half a second is 1.2 m: it was let go
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -192,6 +192,70 @@ def test_motion_is_that_of_python_to_the_bit(unit_of, scene: str, options: tuple
     unit.close()
 
 
+def test_switched_equalities_are_inputs_and_switch_as_in_run(tmp_path: Path, fmi: str) -> None:
+    """One weld starts on and is let go, one starts off and is switched on: a load changes hands."""
+    model = tmp_path / "cranes.xml"
+    mast = (
+        '<body name="{0}" pos="0 {1} 2"><joint axis="0 1 0" stiffness="4000" damping="200"/>'
+        '<geom type="capsule" fromto="0 0 0 1 0 0" size="0.03" mass="5" contype="0" conaffinity="0"/></body>'
+    )
+    model.write_text(
+        f"""<mujoco><custom><text name="fork1s_switched" data="first"/></custom>
+        <worldbody>{mast.format("left", -0.2)}{mast.format("right", 0.2)}
+        <body name="crate" pos="1 0 1.5"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="3"/></body></worldbody>
+        <equality><weld name="first" body1="left" body2="crate"/>
+        <weld name="second" body1="right" body2="crate" active="false"/></equality></mujoco>"""
+    )
+    export(model, tmp_path / "cranes.fmu", "--fmi", fmi, "--dt", str(DT))
+    unit = Unit(tmp_path / "cranes.fmu", tmp_path / "unpacked")
+    variables = {v.name: v for v in unit.description.modelVariables}
+    for name, start in (("first", 1), ("second", 0)):
+        input_of = variables[f"controls.{name}"]
+        assert input_of.causality == "input"
+        assert [float(x) for x in (input_of.start, input_of.min, input_of.max)] == [start, 0, 1]
+    sim = fork1s.Simulation(fork1s.load(model), dt=DT)
+    crate = sim.bodies.index("crate")
+    # Held by the first for 0.2 s, by none for 0.1 s, by the second from then on.
+    values = [(1, 0)] * 20 + [(0, 0)] * 10 + [(0, 1)] * 20
+    heights = []
+    speed, fallen = 0.0, np.empty(3)
+    for k, (first, second) in enumerate(values):
+        unit.set({"controls.first": first, "controls.second": second})
+        unit.step(k * DT, DT)
+        sim.controls["first"], sim.controls["second"] = first, second
+        sim.step(1)
+        np.testing.assert_array_equal(unit.pose("crate"), sim.poses[crate])
+        heights.append(unit.pose("crate")[2])
+        if k == 19:
+            speed = sim.velocities[crate][5]
+        if k == 29:
+            fallen = unit.pose("crate")[:3]
+    # Steps are exact for a constant acceleration: rounding alone.
+    assert heights[19] - heights[29] == pytest.approx(0.5 * 9.81 * 0.1**2 - speed * 0.1, abs=1e-12)
+    # The second closes what was fallen, by exp(-t / 0.02 s).
+    assert heights[-1] == pytest.approx(1.5, abs=0.02)
+    table = tmp_path / "controls.csv"
+    rows = ["time,first,second", "0,1,0", "0.2,1,0", "0.2001,0,0", "0.3,0,0", "0.3001,0,1"]
+    table.write_text("\n".join(rows) + "\n")
+
+    def place_in_run(time: float) -> list[float]:
+        done = subprocess.run(
+            [PROGRAM, "run", model, "--json", "--dt", str(DT), "--time", str(time), "--controls", table],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        [free] = [b for b in json.loads(done.stdout)["free_bodies"] if b["body"] == "crate"]
+        return free["position_m"]
+
+    np.testing.assert_array_equal(place_in_run(0.3), fallen)
+    # A table's control moves over its step, which is cut in parts where the second stops the fall: that holds up to a step
+    # later, by v h = 10 mm of the fall, of which the masts' damping leaves exp(-18/s 0.2 s) = 0.03.
+    np.testing.assert_allclose(place_in_run(0.5), unit.pose("crate")[:3], atol=5e-4)
+    unit.close()
+
+
 def test_simulate_fmu_runs_it(fmi: str, tmp_path: Path) -> None:
     out = tmp_path / "gripper.fmu"
     export(SCENES / "fourbar_gripper.xml", out, "--fmi", fmi, "--dt", str(DT))
