@@ -41,8 +41,8 @@ Expected<FullSimulation> FullSimulation::Create(Scene scene, const FullSimulatio
       return Fail(
           ErrorCode::kModel,
           "equality '" + m.switched_closures.front().name + "' of mechanism '" + m.name + "'",
-          "the full model knows no equality that is switched while it runs; run the reduced model, or "
-          "take the equality out of the file");
+          "the full model knows no equality that is switched while it runs; run the reduced model, compare "
+          "it with MuJoCo, or take the equality out of the file");
   if (auto ok = d.AddMechanisms(key); !ok) return tl::unexpected(ok.error());
   if (auto ok = d.AddFreeBodies(key); !ok) return tl::unexpected(ok.error());
   d.AddControls(key);

@@ -96,6 +96,28 @@ void StoreTraces(const std::vector<TrackedBody>& tracked, const Run& a, const Ru
   }
 }
 
+// Whether a switched closure acts at any time.
+bool AnyIsSwitchedOn(const Scene& scene, const Simulation& start, const ControlTrack& track) {
+  for (const MechanismDef& m : scene.mechanisms)
+    for (const SwitchedClosureDef& closure : m.switched_closures) {
+      const auto column = std::find(track.names.begin(), track.names.end(), closure.control);
+      if (column == track.names.end() || track.rows.empty()) {
+        if (start.controls()(start.FindControl(closure.control)) > 0.5) return true;
+        continue;
+      }
+      const auto at = static_cast<std::size_t>(column - track.names.begin());
+      for (const std::vector<double>& row : track.rows)
+        if (at < row.size() && row[at] > 0.5) return true;
+    }
+  return false;
+}
+
+Scene WithoutSwitchedClosures(Scene scene) {
+  for (MechanismDef& m : scene.mechanisms) m.switched_closures.clear();
+  return scene;
+}
+
+// Of mechanisms whose switched closures are open: the reduced model has them in the solve of a step alone.
 Expected<void> AddFrequencies(const Scene& scene, const Simulation& reduced, int keyframe, Comparison& out) {
   constexpr int kCount = 8;
   for (const MechanismDynamics& m : reduced.world().mechanisms())
@@ -267,7 +289,10 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
   if (!mujoco) out.full_integrator = o.full_integrator;
   out.dt_s = o.interval;
   out.time_s = o.samples * o.interval;
-  if (auto ok = AddFrequencies(scene, *probe, o.initial_keyframe, out); !ok)
+  // The full model has no switched closures, and needs none where all stay off.
+  const Scene open = WithoutSwitchedClosures(scene);
+  const Scene& full_scene = AnyIsSwitchedOn(scene, *probe, options.controls) ? scene : open;
+  if (auto ok = AddFrequencies(mujoco ? open : full_scene, *probe, o.initial_keyframe, out); !ok)
     return tl::unexpected(ok.error());
 
   // Work is shared out by steps; a full one counts fifty times.
@@ -305,7 +330,7 @@ Expected<Comparison> Compare(const ImportedScene& imported, const CompareOptions
     reduced.push_back(std::move(*run));
     if (mujoco) continue;
     weight = 50.0 * o.substeps;
-    run = internal::RunFull(scene, tracked, o);
+    run = internal::RunFull(full_scene, tracked, o);
     if (!run) return tl::unexpected(run.error());
     other.push_back(std::move(*run));
   }

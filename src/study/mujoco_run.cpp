@@ -74,17 +74,29 @@ bool IsDriven(const ControlTrack& controls, const std::string& name, double star
   return false;
 }
 
+// Pairs (control of ours, equality of the file that it switches).
+std::vector<std::pair<int, int>> FindSwitches(const mjModel* m, const Scene& scene, const Simulation& guide) {
+  std::vector<std::pair<int, int>> switches;
+  for (const MechanismDef& mechanism : scene.mechanisms)
+    for (const SwitchedClosureDef& closure : mechanism.switched_closures)
+      if (const int e = mj_name2id(m, mjOBJ_EQUALITY, closure.name.c_str()); e >= 0)
+        switches.emplace_back(guide.FindControl(closure.control), e);
+  return switches;
+}
+
 // Pairs (control of ours, actuator of the file) of the same name. Errors (kModel): the table drives a control
-// that has neither an actuator nor a mocap body in the file. MuJoCo would run another experiment.
+// that has neither an actuator nor an equality nor a mocap body in the file. MuJoCo would run another experiment.
 Expected<std::vector<std::pair<int, int>>> FindActuators(const mjModel* m, const std::string& path,
                                                          const Simulation& guide,
                                                          const std::vector<DrivenBase>& bases,
+                                                         const std::vector<std::pair<int, int>>& switches,
                                                          const ControlTrack& controls) {
   std::vector<std::pair<int, int>> inputs;
   for (int i = 0; i < static_cast<int>(guide.control_names().size()); ++i) {
     if (std::any_of(bases.begin(), bases.end(),
                     [&](const DrivenBase& b) { return i >= b.control && i < b.control + 6; }))
       continue;
+    if (std::any_of(switches.begin(), switches.end(), [&](const auto& s) { return s.first == i; })) continue;
     const std::string& name = guide.control_names()[static_cast<std::size_t>(i)];
     if (const int a = mj_name2id(m, mjOBJ_ACTUATOR, name.c_str()); a >= 0) {
       inputs.emplace_back(i, a);
@@ -234,11 +246,14 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
   auto guide = MakeReduced(scene, options);
   if (!guide) return tl::unexpected(guide.error());
   const std::vector<DrivenBase> bases = FindDrivenBases(m, d, *guide);
-  const auto inputs = FindActuators(m, path, *guide, bases, *options.controls);
+  const std::vector<std::pair<int, int>> switches = FindSwitches(m, scene, *guide);
+  const auto inputs = FindActuators(m, path, *guide, bases, switches, *options.controls);
   if (!inputs) return tl::unexpected(inputs.error());
   auto apply = [&](double time) {
     options.controls->Apply(time, *guide);
     for (const auto& [control, actuator] : *inputs) d->ctrl[actuator] = guide->controls()(control);
+    for (const auto& [control, equality] : switches)
+      d->eq_active[equality] = guide->controls()(control) > 0.5 ? 1 : 0;
     for (const DrivenBase& b : bases) {
       const Vector3 at = b.start.translation() + guide->controls().segment<3>(b.control);
       const Quaternion q(

@@ -252,6 +252,68 @@ TEST(CompareMuJoCo, SaysNothingOfPairsWhereAllAreTheSame) {
   }
 }
 
+// A crate of 3 kg under the tip of a mast, which a weld may hold.
+std::string Crane(const std::string& equality) {
+  return "<mujoco model='crane'><option timestep='2e-4' integrator='implicitfast'/><worldbody>"
+         "<body name='mast' pos='0 0 2'><joint name='swing' axis='0 1 0' stiffness='4000' damping='200'/>"
+         "<geom type='capsule' fromto='0 0 0 1 0 0' size='.03' mass='5' contype='0' conaffinity='0'/></body>"
+         "<body name='crate' pos='1 0 1.5'><freejoint/><geom type='box' size='.1 .1 .1' mass='3'/></body>"
+         "</worldbody><equality>" +
+         equality + "</equality></mujoco>";
+}
+const char* const kHook =
+    "<weld name='hook' body1='mast' body2='crate' active='false' solref='.002 1' solimp='.999 .999 .001'/>";
+
+TEST(CompareFull, SwitchedEqualityThatStaysOff_IsNotThere) {
+  CompareOptions options;
+  options.time = 0.5;
+  options.refinements = 0;
+  const auto load = [](const std::string& equality) {
+    auto imported = LoadMechanismFromString(Crane(equality), "crane");
+    if (!imported) throw std::runtime_error(imported.error().Text());
+    return std::move(*imported);
+  };
+  const ImportedScene with = load(kHook);
+  const Comparison off = CompareOrThrow(with, options), none = CompareOrThrow(load(""), options);
+  for (const auto* c : {&off, &none}) {
+    ASSERT_EQ(c->free_bodies.size(), 1u);
+    EXPECT_LT(c->free_bodies[0].max_mm, 1e-6);  // both rules are exact for a constant acceleration
+  }
+  EXPECT_EQ(off.interface.at(0).max_mm, none.interface.at(0).max_mm);
+  EXPECT_EQ(off.frequencies_full_hz, none.frequencies_full_hz);
+  options.controls = {{"hook"}, {0, 0.2}, {{0}, {1}}};
+  const auto refused = Compare(with, options);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().Text().find("equality 'hook'"), std::string::npos) << refused.error().Text();
+  options.controls.rows = {{0}, {0.4}};
+  EXPECT_TRUE(Compare(with, options));
+}
+
+// MuJoCo's rule of first order falls g t h/2 = 0.3 mm too far in 0.3 s; its springs for a weld give way by less.
+TEST(CompareMuJoCo, SwitchesEqualitiesByTheTable) {
+  CompareOptions options;
+  options.against = Against::kMuJoCo;
+  options.time = 0.6;
+  options.dt = 1.0 / 240;
+  options.refinements = 0;
+  options.model_path = (std::filesystem::path(testing::TempDir()) / "fork1s_compare_crane.xml").string();
+  std::ofstream(options.model_path) << Crane(kHook);
+  const auto imported = LoadMechanism(options.model_path);
+  ASSERT_TRUE(imported) << imported.error().Text();
+  options.controls = {{"hook"}, {0, 0.3, 0.3001}, {{1}, {1}, {0}}};
+  const Comparison c = CompareOrThrow(*imported, options);
+  ASSERT_EQ(c.free_bodies.size(), 1u);
+  EXPECT_LT(c.free_bodies[0].max_mm, 0.5);
+  const auto& crate = *std::find_if(c.traces.begin(), c.traces.end(),
+                                    [](const auto& trace) { return trace.body == "crate"; });
+  // Held, then fallen by g t²/2 of 0.3 s.
+  for (const auto* way : {&crate.reduced_m, &crate.other_m}) {
+    EXPECT_GT((*way)[72].z(), 1.45);
+    EXPECT_NEAR((*way)[72].z() - way->back().z(), 0.5 * 9.81 * 0.3 * 0.3, 1e-3);
+  }
+  std::filesystem::remove(options.model_path);
+}
+
 TEST(Compare, RefusesWhatItCannotRun) {
   CompareOptions options;
   options.controls.names = {"no such control"};
