@@ -74,6 +74,31 @@ TEST(SwitchedEquality, ThatStartsOn_HoldsItsLoadUntilAControlTrackReleasesIt) {
       }
 }
 
+// Welds to the world that are no switches make a free body a fixed one.
+TEST(SwitchedEquality, ThatStartsOnBetweenTheWorldAndFreeBodies_ReleasesThem) {
+  for (const char* equality :
+       {"<weld name='grab' body1='box'/>", "<weld name='grab' body1='world' body2='box'/>",
+        "<connect name='grab' body1='box' anchor='0 0 .5'/>",
+        "<weld name='grab' body1='box' body2='other'/><weld name='fixed' body1='other'/>"}) {
+    SCOPED_TRACE(equality);
+    Simulation s = MustStart(
+        std::string("<mujoco><custom><text name='fork1s_switched' data='grab'/></custom><worldbody><body "
+                    "name='box'><freejoint/><geom type='box' size='.1 .1 .1' mass='3'/></body><body "
+                    "name='other' pos='0 5 0'><freejoint/><geom size='.1' mass='1'/></body></worldbody>"
+                    "<equality>") +
+            equality + "</equality></mujoco>",
+        1. / 240);
+    RunUntil(s, 0.5);
+    // Held exactly; the mass of the body, 3 kg, is the load.
+    EXPECT_LT(Place(s, "box").norm(), 1e-9);
+    EXPECT_NEAR(Force(s).norm(), 3 * kGravity, 1e-9 * 3 * kGravity);
+    s.SetControl("grab", 0);
+    RunUntil(s, 0.75);
+    // Both stages are exact for constant accelerations.
+    EXPECT_NEAR(Place(s, "box").z(), -0.5 * kGravity * 0.25 * 0.25, 1e-9);
+  }
+}
+
 // A box on a connect to the world is a compound pendulum: θ'' = -m g L sin θ / (I + m L²), here by Runge and Kutta.
 struct Pendulum {
   double angle = 1, rate = 0, stiffness = 0;  // rad, rad/s, 1/s²
