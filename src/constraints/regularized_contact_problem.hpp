@@ -3,9 +3,9 @@
 // A velocity block has freedoms of its own in which its implicit operator is the identity: d = Lᵀ(v − v*)
 // with A = L Lᵀ, so that a port sees v*_port + Yᵀ d, Y = L⁻¹ J_portᵀ, and with G = J Yᵀ the rows of a contact
 //     F(d) = d − Σ Gᵀ λ(u* + bias − R λ₀ + G d) = 0
-// is what the step asks for. λ₀ is what the tangents bore before, so that nothing creeps. Work is linear in
-// contacts: each adds to the 6 x 6 blocks of its two ports, which are mapped to freedoms once a port and
-// pair.
+// is the equation of the problem. λ₀ are the tangential impulses of the last step, which prevent creep. The cost is
+// linear in the contacts: each adds to the 6 x 6 blocks of its two ports, which are mapped to freedoms once per
+// port and pair.
 #pragma once
 
 #include <algorithm>
@@ -26,36 +26,36 @@ namespace fork1s::internal {
 
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
-/// What a point gives by its material, and what moves it.
+/// Compliance of a point and its inverse inertia.
 struct PointCompliance {
   double R_n = 0, R_t = 0;                    // 1/kg
   Vector3 R_turn = Vector3::Zero();           // 1/(kg m²), of moments about normal and tangents
   double least_R = 0;                         // before anything cancels
-  double depth = 0;                           // m/s: most by which it gives in a step
+  double depth = 0;                           // m/s: max_penetration_speed
   double inverse_mass = 0;                    // tr(G Gᵀ)/3
   Vector3 inverse_inertia = Vector3::Zero();  // about normal and tangents
-  bool is_moved = true;                       // by any freedom; what is not bears nothing, and has no R
+  bool is_moved = true;                       // by any freedom; otherwise it has no impulse and no R
 };
 
-/// w = base + offset + G d of a point, and likewise its turning about normal and tangents.
+/// Relative velocity w = base + offset + G d of a point, and its relative angular velocity in the same form.
 struct PointVelocity {
   Vector3 start = Vector3::Zero();   // u* + bias
   Vector3 base = Vector3::Zero();    // u* + bias − R λ₀
   Vector3 offset = Vector3::Zero();  // of a stage
   Vector3 shift = Vector3::Zero();   // of w without friction, on a path
-  Vector3 w = Vector3::Zero();       // as last measured, where it is closed
+  Vector3 w = Vector3::Zero();       // as last evaluated, of closed points
 };
 struct PointTurning {
   Vector3 start = Vector3::Zero(), base = Vector3::Zero(), offset = Vector3::Zero();
 };
 
-/// What tangents and moments bore before, λ₀.
+/// Impulses of the last step, λ₀.
 struct PreviousImpulse {
   Vector2 tangents = Vector2::Zero();
   double normal = 0, utilization = 0;
   Vector3 moment = Vector3::Zero();
   bool fades = false;
-  Vector2 least = Vector2::Zero();  // what `tangents` fade to
+  Vector2 least = Vector2::Zero();  // the value that `tangents` relax to
 };
 
 /// The linearization of the law that a point is on.
@@ -66,7 +66,7 @@ struct LawLinearization {
   Vector3 by_share = Vector3::Zero(), turn_by_share = Vector3::Zero();  // ∂λ/∂σ, ∂m/∂σ
   bool is_clear = true;                                                 // these are all 0
 
-  /// Open: nothing borne, whatever moves.
+  /// Open: zero impulse at any velocity.
   void Clear() {
     if (is_clear)
       mode = ContactMode::kOpen;
@@ -93,22 +93,22 @@ struct PointRows {
   double noise = 0;  // rounding of Gᵀ λ
   double off2 = 0;   // |λ − Π(y)|² as inertia weighs it
 
-  /// Whether it adds to F's derivative: open ones do where bounds are frozen.
+  /// Whether it contributes to ∂F/∂d: open points do if their friction bound is held fixed.
   bool CarriesLoad() const { return linearization.mode != ContactMode::kOpen || law.frozen_normal > 0; }
   bool HasMoments() const { return has_moments; }
-  /// Open: nothing borne, whatever moves.
+  /// Open: zero impulse at any velocity.
   void ClearLinearization() {
     linearization.Clear();
     utilization = 0;
   }
-  /// Tangents and moments no larger than the normal impulse allows.
+  /// Projects impulse and moment onto the cone.
   void ProjectToCone() {
     impulse = law.Project(impulse);
     for (int k = 0; k < 3; ++k) moment[k] = moments.At(k, impulse[0]).Project(moment[k]);
   }
-  /// Of what friction its tangents could bear by the normal impulse of the last step.
+  /// Friction bound at the normal impulse of the last step.
   double PreviousBound() const { return law.Bound(previous.normal); }
-  /// Compliances of the stage; moments give as the tangents do.
+  /// Compliances of the stage; those of moments scale as the tangential one.
   void SetCompliance(double normal, double tangential) {
     law.R_n = normal;
     law.R_t = tangential;

@@ -86,10 +86,10 @@ class Tables {
       for (const char* part : {".vx", ".vy", ".vz", ".wx", ".wy", ".wz"}) poses_.Name(base + part);
     num_mechanisms_ = header.scene.mechanisms.size();
     for (const char* name : {"body_a", "body_b", "force.x", "force.y", "force.z", "moment.x", "moment.y",
-                             "moment.z", "contacts"})
+                             "moment.z", "contacts", "friction_use"})
       pairs_.Name(name);
     for (const char* name : {"body_a", "body_b", "point.x", "point.y", "point.z", "normal.x", "normal.y",
-                             "normal.z", "force.x", "force.y", "force.z", "gap", "friction"})
+                             "normal.z", "force.x", "force.y", "force.z", "gap", "friction", "friction_use"})
       contacts_.Name(name);
     for (const std::string& name : header.control_names) controls_.Name(name);
     for (const std::string& name : header.sensor_names) sensors_.Name(name);
@@ -141,11 +141,25 @@ class Tables {
     poses_.AddAll(Vector3(R * V_R.tail<3>()));
     poses_.AddAll(Vector3(R * V_R.head<3>()));
   }
+  // |f_t| and µ f_n of contacts [N], sums over them.
+  struct FrictionUse {
+    double tangential = 0, limit = 0;
+
+    void Add(const RecordedContact& c) {
+      const double normal = c.force.dot(c.normal);
+      if (!(c.friction > 0 && normal > 0)) return;
+      tangential += (c.force - normal * c.normal).norm();
+      limit += c.friction * normal;
+    }
+    double Share() const { return limit > 0 ? tangential / limit : 0; }
+  };
+
   // All contacts of two bodies together.
   void AddPairs(const Recording& part, int i) {
     struct Load {
       Vector3 force = Vector3::Zero(), moment = Vector3::Zero();
       int contacts = 0;
+      FrictionUse use;
     };
     std::map<std::pair<int, int>, Load> loads;
     for (const RecordedContact& c : part.Contacts(i)) {
@@ -156,6 +170,7 @@ class Tables {
       load.force += force;
       load.moment += Vector3(c.point - origin).cross(force);
       ++load.contacts;
+      load.use.Add(c);
     }
     for (const auto& [bodies, load] : loads) {
       pairs_.Start(part.data().time[static_cast<std::size_t>(i)]);
@@ -164,6 +179,7 @@ class Tables {
       pairs_.AddAll(load.force);
       pairs_.AddAll(load.moment);
       pairs_.Add(load.contacts);
+      pairs_.Add(load.use.Share());
       pairs_.End();
     }
   }
@@ -178,6 +194,9 @@ class Tables {
       for (const Vector3* v : {&c.point, &c.normal, &c.force}) contacts_.AddAll(*v);
       contacts_.Add(c.gap);
       contacts_.Add(c.friction);
+      FrictionUse use;
+      use.Add(c);
+      contacts_.Add(use.Share());
       contacts_.End();
     }
   }

@@ -54,6 +54,56 @@ TEST(Csv, ExportsWhatTheRecordingHolds) {
   EXPECT_EQ(blocked.error().code, ErrorCode::kFile);
 }
 
+// A box that stands on a slope of angle θ uses tan θ/µ of its friction, a slippery one all of it.
+TEST(Csv, FrictionUseOnASlope_IsTheTangentOverTheCoefficient) {
+  constexpr double kAngle = 0.2, kMass = 2;
+  for (const double friction : {0.5, 0.05, 0.0}) {
+    Folder folder;
+    Scene scene;
+    const Vector3 half(0.05, 0.04, 0.02);
+    FreeBodyDef box;
+    box.name = "box";
+    const Vector3 squares = half.cwiseAbs2();
+    box.inertia = {kMass, Vector3::Zero(),
+                   Matrix3((kMass / 3 * (Vector3::Constant(squares.sum()) - squares)).asDiagonal())};
+    box.X_WB.translation().z() = half.z();
+    box.geometries.push_back(Geometry("box", Box{half}));
+    scene.world.push_back(Geometry("slope", Plane{}));
+    box.geometries[0].friction = scene.world[0].friction = friction;
+    scene.free_bodies.push_back(box);
+    scene.gravity = 9.81 * Vector3(std::sin(kAngle), 0, -std::cos(kAngle));
+    Simulation simulation = CreateOrThrow(scene);
+    auto recorder = Recorder::Create(folder / "run.h5", simulation);
+    ASSERT_TRUE(recorder);
+    for (int i = 0; i < 60; ++i) {
+      const StepReport report = simulation.Step();
+      ASSERT_TRUE(recorder->Append(simulation, report, {}));
+    }
+    ASSERT_TRUE(recorder->Finish());
+    const auto recording = Recording::Open(folder / "run.h5");
+    ASSERT_TRUE(recording);
+    ASSERT_TRUE(ExportCsv(*recording, folder / "tables"));
+    // Of one point the share is its own; over those of the pair it is weighed by µ f_n.
+    const double expected = friction > 0 ? std::min(1.0, std::tan(kAngle) / friction) : 0;
+    const std::string row = Lines(folder / "tables/pairs.csv").back();
+    EXPECT_NEAR(std::stod(row.substr(row.rfind(',') + 1)), expected, 1e-6) << row;  // settled to that
+    double limit = 0, tangential = 0;
+    for (const std::string& contact : Lines(folder / "tables/contacts.csv")) {
+      if (contact.rfind(row.substr(0, row.find(',') + 1), 0) != 0) continue;
+      std::vector<double> numbers;
+      std::istringstream cells(contact);
+      for (std::string cell; std::getline(cells, cell, ',');)
+        numbers.push_back(cell == "box" || cell == "world" ? 0 : std::stod(cell));
+      const Vector3 normal(numbers[6], numbers[7], numbers[8]), force(numbers[9], numbers[10], numbers[11]);
+      limit += numbers[13] * force.dot(normal);
+      tangential += numbers[14] * numbers[13] * force.dot(normal);
+    }
+    if (friction > 0) {
+      EXPECT_NEAR(tangential / limit, expected, 1e-6);
+    }
+  }
+}
+
 // Time and place of the box are in other columns too.
 TEST(Csv, SensorsAreThoseOfEveryStep) {
   Folder folder;

@@ -14,6 +14,9 @@
 namespace fork1s::testing {
 namespace {
 
+// HDF5 keeps parts of damaged files, and its cleanup at exit then loops and prints so.
+[[maybe_unused]] const bool kCleanupIsDisabled = (DisableHdf5Cleanup(), true);
+
 void MakeRecording(const std::string& path, int steps, const std::string& unfinished_copy = "") {
   Simulation simulation = CreateOrThrow(TouchingScene());
   auto recorder = Recorder::Create(path, simulation, {.flush_interval = 1e9, .flush_steps = 8});

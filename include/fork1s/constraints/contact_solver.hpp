@@ -3,13 +3,12 @@
 // Unknown impulses λ act on velocities with symmetric positive definite implicit operators A = L Lᵀ, one
 // block a mechanism or body, which the solver sees through Y = L⁻¹ Jᵀ of its ports (six-vectors) and rows:
 //     v⁺ = v* + Yᵀ Σ Y p
-// Contact c couples up to two ports. With w = Σ J v⁺ + bias (normal first, then two tangents), R what its
-// material gives and λ₀ what it bore in the last step,
+// Contact c couples up to two ports. With w = Σ J v⁺ + bias (normal first, then two tangents), R its compliance
+// and λ₀ its impulse in the last step,
 //     λ_n = max(0, −w_n/R_n),   y = λ₀_t − w_t/R_t,   λ_t = y min(1, µ λ_n/|y|)
-// so Coulomb's law holds on w + R (λ − λ₀). R makes the impulses unique where points are redundant, and
-// spreads them as an elastic pad would. Where a contact bears moments m too (torsional friction about the
-// normal, rolling friction about the tangents), each is λ₀'s less its turning over R, within its radius times
-// λ_n. Limits are single rows on one velocity, λ = clamp(λ₀ − w/R, lower, upper): a joint limit only pushes,
+// so Coulomb's law holds on w + R (λ − λ₀). R makes the impulses of redundant points unique and distributes
+// them as an elastic pad would. Moments m of a contact (torsional friction about the normal, rolling friction about
+// the tangents) follow the same law with angular velocities, bounded by a radius times λ_n. Limits are single rows on one velocity, λ = clamp(λ₀ − w/R, lower, upper): a joint limit only pushes,
 // dry friction pushes either way up to its force. docs/method.md, section 6.
 #pragma once
 
@@ -22,7 +21,7 @@ namespace fork1s {
 
 using Matrix36 = Eigen::Matrix<double, 3, 6>;
 
-/// A block that moves by itself: `size` rows starting at `offset` of the stacked velocities.
+/// A decoupled block: `size` rows starting at `offset` of the stacked velocities.
 struct VelocityBlock {
   int offset = 0;
   int size = 0;
@@ -47,10 +46,10 @@ struct ContactConstraint {
   double torsion = 0;                 // m: |moment about the normal| <= torsion λ_n
   double rolling = 0;                 // m: the same about either tangent
   Vector3 moment = Vector3::Zero();   // about normal and tangents; in: warm start; out: solution [N·m·s]
-  /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports give
-  /// alike, as the stiffest of them. Along a tangent with a smaller a_k R_t is larger by (max a/a_k)².
+  /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports have
+  /// the compliance of the stiffest of them. Along a tangent with a smaller a_k R_t is larger by (max a/a_k)².
   double compliance_normal = 0, compliance_tangent = 0;
-  /// m/s by which the normal gives at most: what presses harder meets stiffer material, R_n = give/λ_n.
+  /// Upper bound of R_n λ_n [m/s]: under larger impulses R_n decreases to max_penetration_speed/λ_n.
   double max_penetration_speed = std::numeric_limits<double>::infinity();
   Vector3 previous_impulse = Vector3::Zero();  // λ₀, in this frame
   double previous_utilization = 0;             // of the last step
@@ -92,21 +91,21 @@ struct LimitConstraint {
 struct ContactSolverOptions {
   double tolerance = 1e-10;  // of the velocities that contact changes, all weighed by inertia
   int max_newton_iterations = 60;
-  /// Contact gives no more than this share of the inverse mass at it: an impact within a step leaves no more
-  /// of its speed, however soft the material.
+  /// Upper bound of R as a share of the inverse mass at the contact, so that an impact within a step leaves at
+  /// most this share of the approach speed, however soft the material.
   double max_relative_regularization = 1e-3;
 };
 
 struct ContactSolverReport {
-  /// Factors of the whole problem. What a few points take by themselves on one of them is not counted.
+  /// Factorizations of the whole problem. Low-rank updates between them are not counted.
   int newton_iterations = 0;
-  /// What helped Newton: 0 nothing; 1 rounds with frozen bounds of friction; 2 those through softer contact;
-  /// 3 the path of answers from none of the friction to all of it.
+  /// Fallback that was used: 0 none; 1 Tresca iterations, with friction bounds held fixed; 2 those with
+  /// increased compliance; 3 continuation in the friction coefficient.
   int fallback = 0;
   double residual = 0;          // of the velocities that contact changes, as `tolerance`
-  double residual_impulse = 0;  // N·s: what the largest contact impulse is off by, by that measure
-  double residual_speed = 0;    // m/s: likewise of the largest change of a contact velocity
-  int active = 0, sticking = 0, sliding = 0;  // contacts that bear something, and of these
+  double residual_impulse = 0;  // N·s: the same as an error of the largest contact impulse
+  double residual_speed = 0;    // m/s: the same as an error of the largest change of a contact velocity
+  int active = 0, sticking = 0, sliding = 0;  // contacts with an impulse, and of these
   bool converged = true;                      // residual <= tolerance
 };
 
@@ -122,9 +121,9 @@ class ContactSolver {
   void Reserve(int num_contacts, int num_limits, int num_velocities, int num_freedoms = 0);
 
   /// Solves for the impulses. In: `velocities` = v*, blocks covering every port and limit row, warm starts in
-  /// the constraints. Out: impulses in the constraints, `velocities` = v⁺. A contact that nothing can move
-  /// (both sides still, or columns of Y that vanish) gets no impulse. Input that is not finite: no impulses,
-  /// `velocities` as they were, converged = false.
+  /// the constraints. Out: impulses in the constraints, `velocities` = v⁺. A contact whose sides
+  /// are both fixed, or whose columns of Y vanish, gets no impulse. Input that is not finite: no impulses,
+  /// `velocities` unchanged, converged = false.
   ContactSolverReport Solve(const std::vector<VelocityBlock>& blocks,
                             std::vector<ContactConstraint>& contacts, std::vector<LimitConstraint>& limits,
                             Eigen::Ref<VectorX> velocities, const ContactSolverOptions& options = {});

@@ -1,4 +1,4 @@
-// What a contact gives: a spring and a damper beneath each point, in SI units.
+// Contact material: a spring and a damper at each point, in SI units.
 //
 // A point carries the force k (δ + τ δ̇) for a depth δ at the end of the step, never less than 0, and k s
 // along its tangents, s what the two surfaces have moved against each other since it touched, up to the cone.
@@ -14,9 +14,10 @@ namespace fork1s {
 
 struct ContactMaterial {
   double stiffness = 1e6;       // N/m: 2 E a of a pad of 100 MPa whose patch has a radius a of 5 mm
-  double depth = 1e-5;          // m: what would press a point in by more than this meets stiffer material
-  double relaxation_steps = 4;  // τ/h: how fast a point that is pressed in too far comes back
-  double max_push_speed = 0.1;  // m/s at which what overlaps is pushed apart, at most: it hops by 0.5 mm then
+  double depth = 1e-5;          // m: largest penetration under load; the stiffness increases beyond it
+  double relaxation_steps = 4;  // τ/h: time constant in which penetration beyond `depth` decays
+  double max_push_speed =
+      0.1;  // m/s: largest speed at which overlaps are separated; bodies hop by 0.5 mm then
 };
 
 inline void SetMaterial(const ContactMaterial& material, double gap, double h, ContactConstraint& c) {

@@ -1,4 +1,4 @@
-// Definition structs: what a user or an importer writes down before a Mechanism is built.
+// Definition structs that a user or an importer fills before a Mechanism is built.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@
 
 namespace fork1s {
 
-/// A shape fixed to a body, with what contact needs to know about it.
+/// A shape fixed to a body, with its contact parameters.
 struct GeometryDef {
   std::string name;
   Shape shape = Sphere{};
@@ -109,7 +109,7 @@ struct BodyDef {
   RigidTransform X_PB;     // pose in the parent at the reference
   SpatialInertia inertia;  // in B
   std::vector<GeometryDef> geometries;
-  double gravity_compensation = 0;  // share of the weight that something unseen carries; 1: all of it
+  double gravity_compensation = 0;  // share of the weight that is compensated, as in MJCF; 1: all of it
 };
 
 /// Closes a loop between frame J on body a and frame J on body b. With E = X_aJ⁻¹ X_bJ the closure
@@ -139,7 +139,7 @@ struct FreedomRef {
 };
 
 /// q_a = Σ polynomial[k] q_b^k + Σ coefficient q of `terms`. Without b the polynomial is its constant. No freedom
-/// stands in it twice.
+/// occurs twice.
 struct CouplingDef {
   std::string name;
   FreedomRef a;
@@ -148,23 +148,24 @@ struct CouplingDef {
   std::vector<std::pair<FreedomRef, double>> terms = {};
 };
 
-/// What a tendon through space passes, in its order: a point of a body, a round obstacle that it lies on
-/// where the straight way would go through, or a pulley, after which a further branch begins.
+/// Element of a spatial tendon, in order: a point of a body, an obstacle that it wraps around if the straight line
+/// would pass through it, or a pulley, after which another branch begins.
 struct PathElementDef {
   enum class Kind { kPoint, kSphere, kCylinder, kPulley };
   Kind kind = Kind::kPoint;
-  BodyIndex body;         // not of a pulley
-  RigidTransform X_BE;    // point: its place; sphere: centre; cylinder: centre, its axis along z
-  double radius = 0;      // m, of an obstacle
-  double divisor = 1;     // pulley: what follows counts by 1 / divisor
-  bool has_side = false;  // an obstacle that is passed on the side of a point; a point within it: inside it
-  BodyIndex side_body;    // that point's
+  BodyIndex body;       // not of a pulley
+  RigidTransform X_BE;  // point: its place; sphere: centre; cylinder: centre, its axis along z
+  double radius = 0;    // m, of an obstacle
+  double divisor = 1;   // pulley: weight 1 / divisor of the following branches
+  bool has_side =
+      false;            // obstacle with a side site; a site within the obstacle: the tendon passes inside it
+  BodyIndex side_body;  // that point's
   Vector3 side_B = Vector3::Zero();  // m, in side_body
 };
 
-/// What a path makes of its elements (docs/method.md, section 5).
+/// Kind of a path (docs/method.md, section 5).
 enum class PathKind {
-  /// A tendon through space. Every branch begins and ends with a point, obstacles stand between points.
+  /// A spatial tendon. Every branch begins and ends with a point, obstacles are between points.
   kTendon,
   /// A rod of length `rod` from the point elements[1] to a pin on the z axis of elements[0]: where on that
   /// axis the pin is, on the side from which the rod pushes up the axis.
@@ -175,7 +176,7 @@ enum class PathKind {
   kWrench,
 };
 
-/// A length that hangs on the pose in more than a linear way.
+/// A length that is a nonlinear function of the pose.
 struct PathDef {
   std::string name;
   std::vector<PathElementDef> elements;
@@ -184,7 +185,7 @@ struct PathDef {
   Vector6 gear = Vector6::Zero();  // [moment; force] per unit of force, of a wrench
 };
 
-/// A path as a length: gear times how much longer it is than at the reference.
+/// A path as a length: gear times its elongation from the reference.
 struct PathRef {
   int path = -1;  // index in MechanismDef::paths; -1: none
   double gear = 1;
@@ -227,9 +228,9 @@ struct LengthLimitDef {
   PathRef along = {};
 };
 
-/// A servo or motor that can give no more: f = Σ share gain u - stiffness (ℓ - rest) - damping dℓ/dt on the
-/// length ℓ = Σ coefficient q stays within [lower, upper]. Spring, damper and controls stand elsewhere in the
-/// mechanism; here they are named again, so that what is beyond the bounds is taken back.
+/// A servo or motor with bounded force: f = Σ share gain u - stiffness (ℓ - rest) - damping dℓ/dt on the
+/// length ℓ = Σ coefficient q stays within [lower, upper]. Spring, damper and controls are defined elsewhere in
+/// the mechanism and repeated here, so that force beyond the bounds can be subtracted.
 struct ForceLimitDef {
   std::string name;
   std::vector<std::pair<FreedomRef, double>> terms;
@@ -287,9 +288,9 @@ struct MuscleDef {
   double length_lower = 0, length_upper = 0;  // m, counted from the reference
   double range_lower = 0.75, range_upper = 1.05;
   double lmin = 0.5, lmax = 1.6;  // L between which it can act
-  double vmax = 1.5;              // 1/s: dL/dt at which it gives nothing
+  double vmax = 1.5;              // 1/s: dL/dt at which the force is 0
   double fpmax = 1.3;             // twice F_P half way from L = 1 to lmax; it is linear beyond
-  double fvmax = 1.2;             // F_V where it is lengthened fast
+  double fvmax = 1.2;             // F_V at large lengthening velocities
   PathRef along = {};
 };
 
@@ -326,7 +327,7 @@ enum class BaseKind {
   kDriven,    ///< follows a prescribed pose
 };
 
-/// Which joints keep the two bodies that they join from touching each other. Closures always do.
+/// Which joints exclude contact between the two bodies that they join. Closures always do.
 enum class ParentFilter {
   kAll,     ///< all
   kMoving,  ///< those whose parent can move, as in MJCF: a fixed base is part of the still world
@@ -336,10 +337,10 @@ enum class ParentFilter {
 /// Which fixed-interface modes a reduced model keeps when it does not keep all.
 enum class ModeChoice {
   kLowest,        ///< those of lowest frequency (Craig and Bampton)
-  kContribution,  ///< those that the interface bodies would miss most
+  kContribution,  ///< those of largest contribution to the displacement of the interface
 };
 
-/// Everything that makes one mechanism.
+/// Definition of one mechanism.
 struct MechanismDef {
   std::string name;
   BaseKind base = BaseKind::kFixed;

@@ -1,9 +1,9 @@
-// The reduced model: a mechanism seen from its interface bodies, about one pose.
+// The reduced model of a mechanism: its motion as seen by the interface bodies, linear about one pose.
 //
 // docs/method.md, sections 3 and 4. Joint displacements are q = q_ref + Q z (+ loop correction). Joint
 // coordinates that depend on each other while the base is held (a finger) have columns of Q of their own,
-// which stand together: in this order free directions N (no spring), elastic directions V Y_r that the
-// interface can feel, fixed-interface modes, and load columns (static answers of the rest to loads). In these
+// which are contiguous: free directions N (no spring), elastic directions V Y_r that move the interface,
+// fixed-interface modes, and load columns (static responses of the remaining DOFs), in this order. In these
 // coordinates the stiffness is diagonal, 0 for free directions and 1 else.
 #pragma once
 
@@ -23,12 +23,12 @@ struct ReductionOptions {
   std::vector<BodyIndex> interfaces;  // empty: those that the mechanism's definition names
   int modes = -1;  // fixed-interface modes to keep at most; negative: the definition's number
   double rank_tolerance =
-      1e-4;  // what the interface feels less than this share of the most is left to the statics
-  /// A spring-free motion that no interface body sees is an error; with this its body becomes an interface.
+      1e-4;  // elastic directions that move the interface by less than this share of the largest are truncated
+  /// A spring-free motion that moves no interface body is an error, or with this promotes its body to the interface.
   bool promote_hidden = false;
-  /// s, above 0: where `modes` leaves the number to the definition and that has `modes_by_step`, all modes
-  /// below 1/(6 step) are kept, up to kMostCoordinatesByStep coordinates or twice the others'; beyond that
-  /// those of largest contribution.
+  /// s, above 0: if `modes` is negative and the definition has `modes_by_step`, all modes below 1/(6 step) are
+  /// kept, up to kMostCoordinatesByStep coordinates or twice the number of the others; beyond that those of
+  /// largest contribution.
   double step = 0;
 };
 constexpr int kMostCoordinatesByStep = 24;
@@ -40,7 +40,7 @@ struct ModeSelection {
   double below_hz = 0;  // 1/(6 step) where the time step chose them, else 0
 };
 
-/// Loads whose static answers, as far as the interface does not feel them, are coordinates: load-dependent
+/// Loads whose static responses, minus their part in the other columns, are coordinates: load-dependent
 /// Ritz vectors (Wilson, Yuan & Dickens 1982), docs/method.md, section 4: weight along three axes,
 /// accelerations of a base that moves and of free directions, applied forces, controls that move, and all
 /// joint forces at q_ref, springs included.
@@ -57,8 +57,8 @@ struct ReducedModel {
   std::vector<BodyIndex> interfaces;
   VectorX q_ref;  // n, the pose about which the model is linear
 
-  int num_free = 0;                       // spring-free directions seen by the interface
-  int num_elastic = 0;                    // directions in which the interface feels springs
+  int num_free = 0;                       // spring-free directions that move the interface
+  int num_elastic = 0;                    // elastic directions that move the interface
   int num_modes = 0;                      // fixed-interface modes
   int num_loads = 0;                      // load columns
   ModeSelection mode_selection;           // later references take the same
@@ -79,12 +79,12 @@ struct ReducedModel {
   VectorX k_inverse;  // n, trees with joint springs only: C_perp = diag(k_inverse) - Q_e Q_eᵀ
   MatrixX C_perp;     // n x n otherwise
 
-  /// Rows of the closure Jacobian that are independent at q_ref, and the metric in which joints give way to
-  /// close them: 1 for a turn, the square of the mechanism's length for a slide. Not the stiffness: the chart
-  /// of a crank-slider would end 8 degrees from its reference.
+  /// Rows of the closure Jacobian that are independent at q_ref, and the inverse metric of the displacements that
+  /// close them: 1 for rotations, the squared length of the mechanism for translations. With the stiffness as
+  /// metric the chart of a crank-slider would end 8 degrees from its reference.
   std::vector<int> loop_rows;
   VectorX h_inverse;  // n
-  // What follows is made of the above by FillDerived.
+  // Computed from the members above by FillDerived.
   struct Run {
     int begin = 0, size = 0;
   };
@@ -92,14 +92,14 @@ struct ReducedModel {
   std::vector<Run> runs;  // n: columns of Q, and of Q_now at any pose, that may move a coordinate
   LoopRows loops;         // those rows, group by group
   VectorX B;              // their A_ref H⁻¹: Bᵀ, the directions along which loops are closed
-  // Where it is there, Configure closes loops by it, to second order in z, and not exactly.
+  // If not empty, Configure closes loops by it: to second order in z instead of exactly.
   LoopCurvature curvature;
 
-  /// Stops, bounds and dry frictions that act on what would be condensed: length limits of the mechanism, then force
-  /// limits, then dry frictions. Their groups of coordinates keep all elastic directions.
+  /// Stops, force limits and dry frictions on condensed coordinates: indices of the length limits of the mechanism,
+  /// then force limits, then dry frictions. Their groups of coordinates have all elastic directions.
   std::vector<int> interior_stops;
   std::vector<BodyIndex> promoted;  // interfaces that were added for hidden motions
-  std::vector<RankDoubt> doubts;    // rank decisions that the numbers do not settle
+  std::vector<RankDoubt> doubts;    // rank decisions without a clear gap
   std::vector<std::string> warnings;
 
   int size() const { return static_cast<int>(K_r.size()); }
@@ -110,7 +110,7 @@ struct ReducedModel {
   auto T_of(BodyIndex b) const { return T.middleCols(b.value() * size(), size()); }
 };
 
-/// The state that moves: reduced coordinates and the base.
+/// State of a reduced mechanism: reduced coordinates and the base.
 struct ReducedState {
   VectorX z;  // r
   VectorX w;  // r, ż
@@ -125,17 +125,16 @@ struct ReducedState {
 Expected<ReducedModel> Reduce(std::shared_ptr<const Mechanism> mechanism, const VectorX& q_ref,
                               const ReductionOptions& options = {}, const ReductionLoads* loads = nullptr);
 
-/// q_perp = C_perp g: what joint forces g displace at rest beside the coordinates.
+/// q_perp = C_perp g, the static displacement by joint forces g that the columns of Q do not have.
 void ApplyComplement(const ReducedModel& model, const VectorX& g, VectorX& q_perp);
 
-/// Fills what the reduced model holds twice: rows of Q, their runs, loops and their directions at q_ref.
+/// Fills the derived members: rows of Q, their runs, loop rows and their directions at q_ref.
 void FillDerived(ReducedModel& model);
-/// q += Q z and f = Qᵀ g for the rows of Q or of Q_now, as far as they reach. No allocation where f has its
-/// size.
+/// q += Q z and f = Qᵀ g over the nonzero runs of Q or of Q_now. No allocation if f has its size.
 void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z, VectorX& q);
 void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f);
 
-/// The map from reduced coordinates to joint displacements and body poses, loops closed: scratch and result.
+/// Result and scratch of the map from reduced coordinates to joint displacements and body poses, with loops closed.
 struct Configuration {
   explicit Configuration(const ReducedModel& model);
 
@@ -154,7 +153,7 @@ struct Configuration {
   RowMatrixX W;                        // m x r in whole fours of columns: ∂µ/∂z
   LoopFactor factor;                   // of A B at some pose before
   VectorX q_bar_before, mu_before;     // of that pose
-  bool has_tangent_predictor = false;  // its loops were closed: these tell how µ goes on
+  bool has_tangent_predictor = false;  // µ of the next pose is extrapolated from these
 };
 
 constexpr int kMostCorrections = 60;
@@ -167,16 +166,15 @@ constexpr int kMostCorrections = 60;
 void Configure(const ReducedModel& model, const ReducedState& state, Configuration& out,
                int max_corrections = kMostCorrections);
 
-/// The same pose without the derivative, where nobody asks how it moves: Q_now, A and the factor stay those of a
-/// pose before.
+/// The same pose without the derivative: Q_now, A and the factor stay those of an earlier pose.
 void ConfigurePose(const ReducedModel& model, const ReducedState& state, Configuration& out);
 
 /// As Configure where µ in `out` is known to close the loops: the bits that Configure left at this state.
 void ConfigureClosed(const ReducedModel& model, const ReducedState& state, Configuration& out);
 
-/// Joint forces g without what the loops' reactions take: g -= Aᵀ(A B)⁻ᵀ Bᵀ g at the pose of `c`, what forces
-/// do on displacements that are closed along B; with curvature nothing, since µ does not follow such
-/// displacements there. No allocation.
+/// Removes constraint reactions from joint forces: g -= Aᵀ(A B)⁻ᵀ Bᵀ g at the pose of `c`, which leaves the work on
+/// displacements that close loops along B. With curvature no change, since µ does not follow such displacements.
+/// No allocation.
 void RemoveConstraintReactions(const ReducedModel& model, Configuration& c, VectorX& g);
 
 }  // namespace fork1s

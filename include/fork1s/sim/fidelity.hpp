@@ -14,7 +14,7 @@ namespace fork1s {
 
 /// Which bodies of a mechanism may touch, and so are kept by the reduction.
 enum class DetailLevel {
-  kObject,     ///< what it holds: contacts that hold a free body are frozen as joints, without slip
+  kObject,     ///< the held object: contacts that hold a free body are frozen as joints, without slip
   kInterface,  ///< the interface bodies that its definition names: fingertips, feet
   kParents,    ///< these and the bodies that carry them
   kAll,        ///< every body
@@ -43,47 +43,45 @@ struct FidelityTrack {
   static Expected<FidelityTrack> Parse(const std::string& text, const Fidelity& initial = {});
 };
 
-/// A free body that is part of a mechanism as long as its contacts are frozen. Where several mechanisms hold
-/// it they are one as long as they do.
+/// A free body that is part of a mechanism while its contacts are frozen. Mechanisms that hold it together are
+/// one mechanism for that time.
 struct FrozenGrasp {
   struct Contact {
     int mechanism = 0;                  // of the scene
     std::string body;                   // of that mechanism
-    RigidTransform X_BC;                // contact frame on that body: x is the normal, towards what is held
-    Vector3 force_C = Vector3::Zero();  // N on what is held, when it was frozen
+    RigidTransform X_BC;                // contact frame on that body: x is the normal, towards the held body
+    Vector3 force_C = Vector3::Zero();  // N on the held body, when it was frozen
     double friction = 0;
-    bool frictionless = false;  // holds along the normal only
-    /// N·m/rad about y and z of the contact frame, which are principal: the force of that moment times how
-    /// far its point migrates where the surfaces roll on each other. Without, a grasp under load is less
-    /// stable.
+    bool frictionless = false;  // constrains the normal only
+    /// Rolling stiffness [N·m/rad] about y and z of the contact frame, which are principal: the force when it was
+    /// frozen times the migration of the contact point per radian. Without it a grasp under load is less stable.
     Eigen::Vector2d rolling = Eigen::Vector2d::Zero();
   };
   int free_body = 0;  // of the scene
   std::vector<Contact> contacts;
 };
 
-/// Where a mechanism of the scene stands in the world: by itself, at its own place, or from these on in the
-/// one that it forms with others while they hold a body together. Its own place is empty then.
+/// Location of a mechanism of the scene in the world: its own index, or a range of the mechanism that it forms
+/// with others while they hold a body together. The mechanism of its own index is empty then.
 struct MechanismPlace {
   int mechanism = 0;
   int first_body = 0, first_coordinate = 0, first_control = 0;
 };
 
-/// Force of one frozen contact. Where no yielding decides how contacts share a load, several on one pair of
-/// bodies or stretched fingers against each other, they keep the share they had when they were frozen.
+/// Force of one frozen contact. Contacts whose load is statically indeterminate (several on one pair of bodies,
+/// stretched fingers against each other) have the shares that they had when they were frozen.
 struct FrozenContactForce {
-  int body = -1;                       // that holds, place in Simulation::bodies()
-  int held = -1;                       // the same of what is held
+  int body = -1;                       // the holding body: index in Simulation::bodies()
+  int held = -1;                       // the held body
   Vector3 point_W = Vector3::Zero();   // m
-  Vector3 normal_W = Vector3::Zero();  // towards what is held
-  Vector3 force_W = Vector3::Zero();   // N, on what is held
+  Vector3 normal_W = Vector3::Zero();  // towards the held body
+  Vector3 force_W = Vector3::Zero();   // N, on the held body
   double friction = 0;
-  /// Tangential force as a share of what friction could carry: above 1, or infinite where the contact
-  /// pulls, a contact that is not frozen would slip or part.
+  /// |f_t| / (µ f_n), infinite for a contact that pulls. Above 1 a contact that is not frozen would slip or open.
   double use = 0;
 };
 
-/// The scene with the interface bodies of a level worked in. kObject leaves them as they are.
+/// The scene with the interface bodies of a level. kObject changes none.
 Scene RefineInterfaces(Scene scene, DetailLevel level);
 
 }  // namespace fork1s

@@ -1,5 +1,4 @@
-// What a run did, gathered step by step: loads between bodies, what slipped, which stops and servos were at
-// their ends.
+// Statistics of a run, updated step by step: loads between bodies, slip, stops and servos at their limits.
 #pragma once
 
 #include <array>
@@ -27,25 +26,25 @@ struct ContactLoad {
   ContactLoad& Add(const ContactLoad& other, double weight);
 };
 
-/// All that two bodies did to each other through their contacts, frozen ones included.
+/// Statistics of all contacts between two bodies, frozen ones included.
 struct PairLoad {
   int body_a = -1, body_b = -1;                // places in Simulation::bodies(), a < b; -1: the still world
   ContactLoad last;                            // in the last step
   ContactLoad peak;                            // in the step of the largest force
   ContactLoad mean;                            // over the steps with contact force
   double peak_s = 0;                           // s
-  double touched_s = 0;                        // s in which a contact bore force
+  double touched_s = 0;                        // s with contact force
   double touched_first = 0, touched_last = 0;  // s: ends of the first and the last step with contact force
   double use_max = 0, use_max_s = 0;           // largest FrictionUse of a step, and when
   double normal_max = 0, normal_max_s = 0;     // N, the largest `normal` of a step, and when
   double tangential_max = 0, tangential_max_s = 0;  // N, the largest `tangential` of a step, and when
-  double slip = 0;           // m: way of the contact that slid fastest, while friction gave all it can
+  double slip = 0;           // m: path of the fastest sliding contact, while friction was at its bound
   double slip_s = 0;         // s in which one slid
   double slip_first = -1;    // s; -1: never
   double slip_last = -1;     // s; -1: never
-  double friction_loss = 0;  // J that what slid and turned took out of the motion
-  // m: ways of the sliding points of a and of b in the world while they slid. One of them is small beside the other where
-  // a body stays and the other slides over it.
+  double friction_loss = 0;  // J dissipated by sliding, torsional and rolling friction
+  // m: paths of the sliding points of a and of b in the world. If a body stays and the other slides over it, one of
+  // them is small compared with the other.
   double way_a = 0, way_b = 0;
 };
 
@@ -62,7 +61,7 @@ struct BodyFriction {
   std::vector<Moment> course;
 };
 
-/// A stop or a servo that was at its end.
+/// A stop that bore load or a servo at its force limit.
 struct EndReached {
   std::string name;  // "joint 'elbow'", "actuator 'grip'"
   std::int64_t steps = 0;
@@ -70,7 +69,7 @@ struct EndReached {
   bool upper = false, lower = false;
 };
 
-/// A joint or tendon that was beyond its stop by more than kShareBeyond of its range, whatever holds it.
+/// A joint or tendon that was beyond its stop by more than kShareBeyond of its range.
 struct StopPassed {
   static constexpr double kShareBeyond =
       0.01;  // of the range; of a radian or the mechanism's length with one stop
@@ -78,9 +77,9 @@ struct StopPassed {
   std::string name;    // "joint 'elbow'"
   bool turns = false;  // whether `beyond` is in rad, else m
   double beyond = 0;   // the most
-  double when = 0;     // s, of that
-  double first = 0;    // s
-  bool upper = false;  // which stop, of the most
+  double when = 0;     // s, of the most
+  double first = 0;    // s, beyond it for the first time
+  bool upper = false;  // the stop of the most
 };
 
 /// Relinearizations of a run for one cause.
@@ -94,8 +93,7 @@ void AddRelinearizations(const StepReport& report, const World& world, Relineari
 
 class RunStatistics {
  public:
-  /// Before the first step, so that its friction is known from what moved before it; also after a change of
-  /// fidelity.
+  /// Stores the velocities before the first step, which its friction work needs; also after a change of fidelity.
   void Begin(const Simulation& simulation);
   /// After every step.
   void Update(const Simulation& simulation);
@@ -103,9 +101,9 @@ class RunStatistics {
   std::vector<PairLoad> Pairs() const;
   /// Largest use first.
   std::vector<BodyFriction> BodyFrictions() const;
-  /// J that friction of contacts took out of the motion so far, of all pairs.
+  /// Energy dissipated by contact friction so far, of all pairs [J].
   double FrictionLoss() const;
-  /// Joints and tendons that a stop held, longest first.
+  /// Joints and tendons at a stop, longest first.
   std::vector<EndReached> Stops() const;
   /// Farthest beyond first, in shares of their range.
   std::vector<StopPassed> PassedStops() const;

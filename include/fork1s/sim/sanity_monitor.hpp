@@ -1,5 +1,4 @@
-// What a simulation may do by its equations and no machine does: said, since a table of it looks like any
-// other.
+// Warnings about motion that the equations allow and no machine performs.
 #pragma once
 
 #include <fork1s/sim/simulation.hpp>
@@ -11,14 +10,14 @@
 
 namespace fork1s {
 
-/// Watches a run for steps that mean little: too fast or spinning too fast for the time step, deep in each
-/// other, sunk into what they rest on, with joints apart, with contact forces of wedged bodies, not converged,
-/// or with energy out of nowhere. Of each kind the worst moment is kept.
+/// Monitors a run for implausible steps: speed or spin too high for the time step, deep penetration, sinking into
+/// a support, open joints, contact forces of wedged bodies, no convergence, energy from no source. Stores the worst
+/// moment of each kind.
 class SanityMonitor {
  public:
   explicit SanityMonitor(const Simulation& simulation);
 
-  /// What the caller of Look has at hand.
+  /// Arguments of Update that the caller has computed already.
   struct Seen {
     double energy = 0;    // J, after the step
     double kinetic = 0;   // J, of that
@@ -29,14 +28,14 @@ class SanityMonitor {
   };
   /// After every step.
   void Update(const Simulation& simulation, const Seen& seen);
-  /// Another level of detail: other bodies touch, and energy is another.
+  /// After a change of detail, which changes the bodies that may touch and the energy.
   void Changed(const Simulation& simulation);
-  /// A sentence for each kind that was beyond the plausible.
+  /// A sentence for each kind that was implausible.
   std::vector<std::string> Sentences() const;
 
  private:
   struct Worst {
-    double times = 0;  // of what would be plausible
+    double times = 0;  // value over the largest plausible one
     std::string sentence;
   };
   enum Kind { kFast, kSpins, kDeep, kSunk, kApart, kForce, kUnconverged, kEnergy, kKinds };

@@ -1,4 +1,4 @@
-// Scenes that differ from one in factors: what is drawn at random for training, and swept in design.
+// Scaled variants of a scene, for randomisation in training and for sweeps in design.
 #pragma once
 
 #include <fork1s/mechanism/scene.hpp>
