@@ -1,9 +1,8 @@
 #!/usr/bin/env python3
 """Lists words of src and include that are neither English, nor in the glossary, nor allowed; for who names things there.
 
-    tools/words.py            # unknown words with their counts, and how many names of functions have a verb to avoid
-    tools/words.py --check    # exit 1 where a word is unknown; names file and line
-    tools/words.py --verbs    # functions that start with a verb to avoid, with file and line of their first mention
+    tools/words.py            # unknown words with their counts, and functions that start with a verb to avoid
+    tools/words.py --check    # exit 1 if there are any; names file and line
 
 Words have three letters or more and come from comments and from identifiers, split at underscores and capitals. Names after ".",
 "->" and "::", names in capitals and those that begin as MuJoCo's, HDF5's and FMI's do are not read: ours are declared elsewhere. English is
@@ -86,16 +85,22 @@ def main() -> int:
     if "--check" in sys.argv[1:]:
         for word, where in sorted(places.items()):
             print("\n".join(f"{place}: '{word}' is no known word" for place in where), file=sys.stderr)
+        for name, place in sorted(verbs.items()):
+            print(f"{place}: '{name}' starts with a verb to avoid", file=sys.stderr)
         if places:
             print(
                 "words: use the field's word, or add it to tools/words.txt or docs/glossary.md",
                 file=sys.stderr,
             )
-        return 1 if places else 0
-    if "--verbs" in sys.argv[1:]:
-        print("\n".join(f"{place}: {name}" for name, place in sorted(verbs.items())))
-    else:
-        print("\n".join(f"{len(where):6d}  {word}  {where[0]}" for word, where in sorted(places.items())))
+        if verbs:
+            print(
+                "words: name a function by what it does: Compute, Update, Find, Store, ...", file=sys.stderr
+            )
+        return 1 if places or verbs else 0
+    for word, where in sorted(places.items()):
+        print(f"{len(where):6d}  {word}  {where[0]}")
+    for name, place in sorted(verbs.items()):
+        print(f"{place}: {name}")
     print(f"words: {len(places)} unknown words; {len(verbs)} names of functions start with a verb to avoid")
     return 0
 

@@ -212,7 +212,7 @@ bool LowRankModeUpdate::SolveInModes(const RegularizedContactProblem& rows, doub
   return UpdateModes(rows) <= enough;
 }
 
-// Newton's method in w alone, with a line search to the root of s·F (compliant_newton.cpp): s = X step, F =
+// Newton's method in w alone, with a line search to the root of s·F (regularized_newton.cpp): s = X step, F =
 // G_Cᵀ off.
 bool LowRankModeUpdate::SolveByLineSearch(const RegularizedContactProblem& rows, double enough) {
   double off = Respond(rows), best = 1e300;

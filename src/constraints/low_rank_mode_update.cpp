@@ -8,7 +8,7 @@ namespace {
 
 // A dense factor of as many takes what one of all does for a hand and what it holds.
 constexpr std::size_t kMostRows = 60;
-// Pieces begin where it left off (few_newton.cpp).
+// Linearizations begin where it left off (low_rank_mode_newton.cpp).
 constexpr double kNearEnough = 1e3;
 
 // A point's rows side by side: of w, and of the turning about the axes that bear a moment.

@@ -14,7 +14,7 @@ namespace {
 
 // Of the inverse mass at a contact, before anything in it cancels: what a contact gives at least, so that
 // hard ones (R = 0) have one answer. Impulses λ = -w/R are found to rounding over this, 2e-5, before they are
-// refined (piece_newton.cpp).
+// refined (semismooth_newton.cpp).
 constexpr double kMinRelativeRegularization = 1e-11;
 
 // Share of the larger friction coefficient that a tangent keeps, so that its row remains.

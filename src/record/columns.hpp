@@ -13,8 +13,9 @@ namespace fork1s::internal {
 inline constexpr int kFormatVersion = 23;
 // Values of sensors are recorded since this one.
 inline constexpr int kVersionOfSensors = 20;
-// The oldest that is read, and all to kFormatVersion are: couplings have terms since 19, controls activations since 21, scenes adhesions since 22 and switched closures since 23. This one differs in the step
-// as well: `theta` and stepping by twists were other integrators, `euler` had other rules.
+// The oldest version that is read, as are all up to kFormatVersion. Couplings have terms since 19, controls activations since
+// 21, scenes adhesions since 22 and switched closures since 23. Steps of version 17 differ as well and are not replayed:
+// `theta` and stepping by twists were other integrators, `euler` had other rules.
 inline constexpr int kVersionOfOtherSteps = 17;
 inline constexpr const char* kFormatName = "fork1s recording";
 

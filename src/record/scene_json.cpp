@@ -18,8 +18,8 @@ int Place(const std::shared_ptr<const T>& item, std::vector<std::shared_ptr<cons
 }
 
 template <class T>
-std::shared_ptr<const T> LookUp(int place, const std::vector<std::shared_ptr<const T>>& table,
-                                const JsonPath& path) {
+std::shared_ptr<const T> FindShared(int place, const std::vector<std::shared_ptr<const T>>& table,
+                                    const JsonPath& path) {
   if (place == -1) return nullptr;
   if (place < 0 || place >= static_cast<int>(table.size()))
     throw JsonFault(path, "names number " + std::to_string(place) + " of " + std::to_string(table.size()));
@@ -78,7 +78,7 @@ Json JsonWriter::Encode(const std::shared_ptr<const Picture>& picture) {
 void JsonReader::Decode(const Json& j, std::shared_ptr<const Picture>& picture, const JsonPath& path) {
   int place = -1;
   Decode(j, place, path);
-  picture = LookUp(place, tables_.pictures, path);
+  picture = FindShared(place, tables_.pictures, path);
 }
 
 Json JsonWriter::Encode(const Shape& shape) {
@@ -128,10 +128,10 @@ void JsonReader::Decode(const Json& j, Shape& shape, const JsonPath& path) {
         int place = -1;
         if constexpr (std::same_as<S, MeshShape>) {
           (*this)("mesh", place);
-          s.mesh = LookUp(place, tables_.meshes, {&path, "mesh"});
+          s.mesh = FindShared(place, tables_.meshes, {&path, "mesh"});
         } else if constexpr (std::same_as<S, HeightField>) {
           (*this)("grid", place);
-          s.grid = LookUp(place, tables_.grids, {&path, "grid"});
+          s.grid = FindShared(place, tables_.grids, {&path, "grid"});
         } else {
           Fields(*this, s);
         }

@@ -7,7 +7,8 @@
 namespace fork1s::testing {
 namespace {
 
-// Every value of a scene as bits, listed here again so that a field forgotten by the writer shows.
+// Every value of a scene as bits. Structures are taken apart by all their members, so that a new member does not
+// compile before it stands here; the writer's own list is not used.
 class BitList {
  public:
   std::vector<std::uint64_t> bits;
@@ -16,6 +17,16 @@ class BitList {
   void Add(float v) { bits.push_back(std::bit_cast<std::uint32_t>(v)); }
   void Add(int v) { bits.push_back(static_cast<std::uint64_t>(v)); }
   void Add(bool v) { bits.push_back(v ? 1 : 0); }
+  void Add(std::uint8_t v) { bits.push_back(v); }
+  template <class E>
+    requires std::is_enum_v<E>
+  void Add(E v) {
+    bits.push_back(static_cast<std::uint64_t>(v));
+  }
+  template <class Tag>
+  void Add(Index<Tag> v) {
+    Add(v.value());
+  }
   void Add(const std::string& s) {
     bits.push_back(s.size());
     for (char c : s) bits.push_back(static_cast<unsigned char>(c));
@@ -26,111 +37,205 @@ class BitList {
     for (Eigen::Index i = 0; i < m.rows(); ++i)
       for (Eigen::Index k = 0; k < m.cols(); ++k) Add(typename D::Scalar(m.derived()(i, k)));
   }
-  void Add(const RigidTransform& X) { Add(X.rotation()), Add(X.translation()); }
-  void Add(const SpatialInertia& I) { Add(I.mass), Add(I.center), Add(I.rotational); }
-  void Add(const FreedomRef& r) { Add(r.joint.value()), Add(r.freedom); }
   template <class T>
   void Add(const std::vector<T>& v) {
     Add(static_cast<int>(v.size()));
+    for (const T& x : v) Add(x);
+  }
+  template <class T, std::size_t n>
+  void Add(const std::array<T, n>& v) {
     for (const T& x : v) Add(x);
   }
   template <class A, class B>
   void Add(const std::pair<A, B>& p) {
     Add(p.first), Add(p.second);
   }
-  void Add(const ContactPairDef& p) {
-    Add(p.name), Add(p.friction), Add(p.torsion), Add(p.rolling), Add(p.restitution), Add(p.margin);
-    Add(p.gap);
+  template <class T>
+  void Add(const std::shared_ptr<const T>& p) {
+    Add(p != nullptr);
+    if (p) Add(*p);
   }
-  void Add(const GeometryDef& g) {
-    Add(g.name), Add(static_cast<int>(g.shape.index())), Add(g.X_BG), Add(g.friction), Add(g.priority);
-    Add(g.contype), Add(g.conaffinity), Add(g.frictionless), Add(g.margin), Add(g.gap), Add(g.pairs),
-        Add(g.rgba), Add(g.group);
-    Add(g.picture != nullptr), Add(g.picture_x), Add(g.picture_y);
-    if (g.picture) Add(g.picture->name), Add(g.picture->width), Add(static_cast<int>(g.picture->rgb.size()));
-    if (auto* s = std::get_if<Plane>(&g.shape)) Add(s->half_x), Add(s->half_y);
-    if (auto* s = std::get_if<Sphere>(&g.shape)) Add(s->radius);
-    if (auto* s = std::get_if<Capsule>(&g.shape)) Add(s->radius), Add(s->half_length);
-    if (auto* s = std::get_if<Cylinder>(&g.shape)) Add(s->radius), Add(s->half_length);
-    if (auto* s = std::get_if<Ellipsoid>(&g.shape)) Add(s->radii);
-    if (auto* s = std::get_if<Box>(&g.shape)) Add(s->half);
-    if (auto* s = std::get_if<MeshShape>(&g.shape)) {
-      Add(s->mesh != nullptr);
-      if (s->mesh) Add(s->mesh->name), Add(s->mesh->vertices), Add(s->mesh->triangles);
-    }
-    if (auto* s = std::get_if<HeightField>(&g.shape)) {
-      Add(s->grid != nullptr);
-      if (s->grid)
-        Add(s->grid->name), Add(s->grid->rows), Add(s->grid->columns), Add(s->grid->half_x),
-            Add(s->grid->half_y), Add(s->grid->max_height), Add(s->grid->base_depth), Add(s->grid->values);
-    }
+  void Add(const Shape& shape) {
+    Add(static_cast<int>(shape.index()));
+    std::visit([&](const auto& s) { Add(s); }, shape);
   }
-  void Add(const BodyDef& b) {
-    Add(b.name), Add(b.parent.value()), Add(b.X_PB), Add(b.inertia), Add(b.geometries);
+  void Add(const RigidTransform& X) { All(X.rotation(), X.translation()); }
+  void Add(const SpatialInertia& s) {
+    const auto& [mass, center, rotational] = s;
+    All(mass, center, rotational);
   }
-  void Add(const FreedomDef& f) {
-    Add(f.screw_B), Add(f.stiffness), Add(f.damping), Add(f.armature), Add(f.rest), Add(f.lower),
-        Add(f.upper);
+  void Add(const Plane& s) {
+    const auto& [half_x, half_y] = s;
+    All(half_x, half_y);
   }
-  void Add(const JointDef& j) {
-    Add(j.name), Add(j.body.value()), Add(static_cast<int>(j.kind)), Add(j.freedoms);
+  void Add(const Sphere& s) { Add(s.radius); }
+  void Add(const Capsule& s) {
+    const auto& [radius, half_length] = s;
+    All(radius, half_length);
   }
-  void Add(const ClosureDef& c) {
-    Add(c.name), Add(c.body_a.value()), Add(c.body_b.value()), Add(c.X_AJ), Add(c.X_BJ), Add(c.rigid);
-    Add(c.stiffness), Add(c.damping);
+  void Add(const Cylinder& s) {
+    const auto& [radius, half_length] = s;
+    All(radius, half_length);
   }
-  void Add(const CouplingDef& c) {
-    Add(c.name), Add(c.a), Add(c.b);
-    for (double p : c.polynomial) Add(p);
-    Add(c.terms);
+  void Add(const Ellipsoid& s) { Add(s.radii); }
+  void Add(const Box& s) { Add(s.half); }
+  void Add(const MeshShape& s) { Add(s.mesh); }
+  void Add(const HeightField& s) { Add(s.grid); }
+  void Add(const TriangleMesh& s) {
+    const auto& [name, vertices, triangles, corner_uv] = s;
+    All(name, vertices, triangles, corner_uv);
   }
-  void Add(const PathElementDef& e) {
-    Add(static_cast<int>(e.kind)), Add(e.body.value()), Add(e.X_BE), Add(e.radius), Add(e.divisor);
-    Add(e.has_side), Add(e.side_body.value()), Add(e.side_B);
+  void Add(const HeightGrid& s) {
+    const auto& [name, rows, columns, half_x, half_y, max_height, base_depth, values] = s;
+    All(name, rows, columns, half_x, half_y, max_height, base_depth, values);
   }
-  void Add(const PathDef& p) {
-    Add(p.name), Add(p.elements), Add(static_cast<int>(p.kind)), Add(p.rod), Add(p.gear);
+  void Add(const Picture& s) {
+    const auto& [name, width, height, rgb] = s;
+    All(name, width, height, rgb);
   }
-  void Add(const PathRef& u) { Add(u.path), Add(u.gear); }
+  void Add(const GeometryDef& s) {
+    const auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling,
+                 moments, restitution, margin, gap, pairs, rgba, group, picture, picture_x, picture_y] = s;
+    All(name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling, moments,
+        restitution, margin, gap, pairs, rgba, group, picture, picture_x, picture_y);
+  }
+  void Add(const ContactPairDef& s) {
+    const auto& [name, friction, torsion, rolling, restitution, margin, gap] = s;
+    All(name, friction, torsion, rolling, restitution, margin, gap);
+  }
+  void Add(const BodyDef& s) {
+    const auto& [name, parent, X_PB, inertia, geometries, gravity_compensation] = s;
+    All(name, parent, X_PB, inertia, geometries, gravity_compensation);
+  }
+  void Add(const FreedomDef& s) {
+    const auto& [screw_B, stiffness, damping, armature, rest, lower, upper] = s;
+    All(screw_B, stiffness, damping, armature, rest, lower, upper);
+  }
+  void Add(const FreedomRef& s) {
+    const auto& [joint, freedom] = s;
+    All(joint, freedom);
+  }
+  void Add(const JointDef& s) {
+    const auto& [name, body, kind, freedoms] = s;
+    All(name, body, kind, freedoms);
+  }
+  void Add(const ClosureDef& s) {
+    const auto& [name, body_a, body_b, X_AJ, X_BJ, rigid, stiffness, damping] = s;
+    All(name, body_a, body_b, X_AJ, X_BJ, rigid, stiffness, damping);
+  }
+  void Add(const CouplingDef& s) {
+    const auto& [name, a, b, polynomial, terms] = s;
+    All(name, a, b);
+    for (const double p : polynomial) Add(p);
+    Add(terms);
+  }
+  void Add(const PathElementDef& s) {
+    const auto& [kind, body, X_BE, radius, divisor, has_side, side_body, side_B] = s;
+    All(kind, body, X_BE, radius, divisor, has_side, side_body, side_B);
+  }
+  void Add(const PathDef& s) {
+    const auto& [name, elements, kind, rod, gear] = s;
+    All(name, elements, kind, rod, gear);
+  }
+  void Add(const PathRef& s) {
+    const auto& [path, gear] = s;
+    All(path, gear);
+  }
   void Add(const SpringDef& s) {
-    Add(s.name), Add(s.terms), Add(s.stiffness), Add(s.damping), Add(s.rest), Add(s.along), Add(s.slack);
-    for (double higher :
-         {s.higher_stiffness[0], s.higher_stiffness[1], s.higher_damping[0], s.higher_damping[1]})
-      Add(higher);
+    const auto& [name, terms, stiffness, damping, rest, along, higher_stiffness, higher_damping, slack] = s;
+    All(name, terms, stiffness, damping, rest, along, higher_stiffness, higher_damping, slack);
   }
-  void Add(const ControlDef& c) {
-    Add(c.name), Add(c.terms), Add(c.gain), Add(c.is_setpoint), Add(c.lower), Add(c.upper), Add(c.initial);
-    Add(c.along), Add(static_cast<int>(c.dynamics)), Add(c.time_constant), Add(c.activation_lower);
-    Add(c.activation_upper), Add(c.initial_activation), Add(c.deactivation_time), Add(c.smoothing);
+  void Add(const DryFrictionDef& s) {
+    const auto& [name, terms, force, along] = s;
+    All(name, terms, force, along);
   }
-  void Add(const MuscleDef& m) {
-    Add(m.name), Add(m.terms), Add(m.control), Add(m.along);
-    for (const double x : {m.force, m.length_lower, m.length_upper, m.range_lower, m.range_upper, m.lmin,
-                           m.lmax, m.vmax, m.fpmax, m.fvmax})
-      Add(x);
+  void Add(const LengthLimitDef& s) {
+    const auto& [name, terms, lower, upper, along] = s;
+    All(name, terms, lower, upper, along);
   }
-  void Add(const AdhesionDef& a) {
-    Add(a.name), Add(a.body), Add(a.control), Add(a.gain), Add(a.lower), Add(a.upper);
+  void Add(const ForceLimitDef& s) {
+    const auto& [name, terms, inputs, stiffness, damping, rest, lower, upper, along] = s;
+    All(name, terms, inputs, stiffness, damping, rest, lower, upper, along);
+  }
+  void Add(const ControlDef& s) {
+    const auto& [name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
+                 activation_lower, activation_upper, initial_activation, deactivation_time, smoothing] = s;
+    All(name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
+        activation_lower, activation_upper, initial_activation, deactivation_time, smoothing);
+  }
+  void Add(const MuscleDef& s) {
+    const auto& [name, terms, control, force, length_lower, length_upper, range_lower, range_upper, lmin,
+                 lmax, vmax, fpmax, fvmax, along] = s;
+    All(name, terms, control, force, length_lower, length_upper, range_lower, range_upper, lmin, lmax, vmax,
+        fpmax, fvmax, along);
+  }
+  void Add(const AdhesionDef& s) {
+    const auto& [name, body, control, gain, lower, upper] = s;
+    All(name, body, control, gain, lower, upper);
   }
   void Add(const SwitchedClosureDef& s) {
-    Add(s.name), Add(s.body_a), Add(s.body_b), Add(s.X_AJ), Add(s.X_BJ), Add(s.control), Add(s.time_constant);
-    for (int k = 0; k < 6; ++k) Add(static_cast<int>(s.rigid[k]));
+    const auto& [name, body_a, body_b, X_AJ, X_BJ, rigid, control, time_constant] = s;
+    All(name, body_a, body_b, X_AJ, X_BJ, rigid, control, time_constant);
   }
-  void Add(const MechanismDef& m) {
-    Add(m.name), Add(static_cast<int>(m.base)), Add(m.X_WR), Add(m.bodies), Add(m.joints), Add(m.closures);
-    Add(m.couplings), Add(m.paths), Add(m.springs), Add(m.controls), Add(m.muscles), Add(m.adhesions),
-        Add(m.switched_closures), Add(m.interfaces), Add(m.interfaces_chosen), Add(m.modes),
-        Add(static_cast<int>(m.parent_filter));
+  void Add(const MechanismDef& s) {
+    const auto& [name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
+                 length_limits, force_limits, muscles, adhesions, switched_closures, interfaces,
+                 interfaces_chosen, modes, modes_by_step, mode_choice, parent_filter] = s;
+    All(name, base, X_WR, bodies, joints, closures, couplings, paths, springs, controls, frictions,
+        length_limits, force_limits, muscles, adhesions, switched_closures, interfaces, interfaces_chosen,
+        modes, modes_by_step, mode_choice, parent_filter);
   }
-  void Add(const FreeBodyDef& b) { Add(b.name), Add(b.X_WB), Add(b.inertia), Add(b.geometries); }
+  void Add(const FreeBodyDef& s) {
+    const auto& [name, X_WB, inertia, geometries, gravity_compensation] = s;
+    All(name, X_WB, inertia, geometries, gravity_compensation);
+  }
   void Add(const KeyframeDef::MechanismState& s) {
-    Add(s.q), Add(s.q_dot), Add(s.X_WR), Add(s.V_R), Add(s.controls), Add(s.activation);
+    const auto& [q, q_dot, X_WR, V_R, controls, activation] = s;
+    All(q, q_dot, X_WR, V_R, controls, activation);
   }
-  void Add(const KeyframeDef::FreeBodyState& s) { Add(s.X_WB), Add(s.omega_W), Add(s.velocity_W); }
-  void Add(const KeyframeDef& k) { Add(k.name), Add(k.mechanisms), Add(k.free_bodies); }
+  void Add(const KeyframeDef::FreeBodyState& s) {
+    const auto& [X_WB, omega_W, velocity_W] = s;
+    All(X_WB, omega_W, velocity_W);
+  }
+  void Add(const KeyframeDef& s) {
+    const auto& [name, mechanisms, free_bodies] = s;
+    All(name, mechanisms, free_bodies);
+  }
+  void Add(const SensorBody& s) {
+    const auto& [mechanism, body, free_body] = s;
+    All(mechanism, body, free_body);
+  }
+  void Add(const SensorFrame& s) {
+    const auto& [body, X_BF] = s;
+    All(body, X_BF);
+  }
+  void Add(const SensorActuator& s) {
+    const auto& [mechanism, terms, along, at_reference, inputs, muscle, stiffness, damping, bias, lower,
+                 upper] = s;
+    All(mechanism, terms, along, at_reference, inputs, muscle, stiffness, damping, bias, lower, upper);
+  }
+  void Add(const SensorSpring& s) {
+    const auto& [mechanism, spring] = s;
+    All(mechanism, spring);
+  }
+  void Add(const SensorDef& s) {
+    const auto& [name, kind, size, frame, reference, own_axes, subtree, mechanism, terms, along, at_reference,
+                 lower, upper, volume, field_W, actuators, springs, unseen, limit, clip_lower, clip_upper,
+                 reason] = s;
+    All(name, kind, size, frame, reference, own_axes, subtree, mechanism, terms, along, at_reference, lower,
+        upper, volume, field_W, actuators, springs, unseen, limit, clip_lower, clip_upper, reason);
+  }
   void Add(const Scene& s) {
-    Add(s.name), Add(s.gravity), Add(s.timestep), Add(s.mechanisms), Add(s.free_bodies), Add(s.world);
-    Add(s.excluded_pairs), Add(s.contact_pairs), Add(s.keyframes);
+    const auto& [name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, contact_pairs,
+                 keyframes, sensors] = s;
+    All(name, gravity, timestep, mechanisms, free_bodies, world, excluded_pairs, contact_pairs, keyframes,
+        sensors);
+  }
+
+ private:
+  template <class... T>
+  void All(const T&... values) {
+    (Add(values), ...);
   }
 };
 

@@ -183,6 +183,9 @@ inline Scene SceneWithEverything(unsigned seed) {
     MechanismDef& m = scene.mechanisms.back();
     m.interfaces_chosen = random.Chance(0.5);
     m.modes = random.Below(9);
+    m.modes_by_step = random.Chance(0.5);
+    m.mode_choice = static_cast<ModeChoice>(random.Below(2));
+    m.bodies[1].gravity_compensation = random.Uniform(0, 1);
     m.parent_filter = static_cast<ParentFilter>(i);
     m.joints[0].freedoms[0].lower = -random.Uniform(0, 2);
     m.controls[0].upper = random.Uniform(1, 2);
@@ -223,6 +226,25 @@ inline Scene SceneWithEverything(unsigned seed) {
     }
     m.paths = {path, path};
     m.springs[0].slack = random.Uniform(0, 1);
+    m.springs[0].higher_stiffness = {random.Uniform(0, 1), random.Uniform(0, 1)};
+    m.springs[0].higher_damping = {random.Uniform(0, 1), random.Uniform(0, 1)};
+    const auto& terms = m.springs[0].terms;
+    m.frictions = {{"friction", terms, random.Uniform(0, 1), {0, random.Uniform(0, 1)}}};
+    m.length_limits = {{"rope", terms, -random.Uniform(0, 1), random.Uniform(0, 1), {1, 0.5}}};
+    m.force_limits = {{"servo",
+                       terms,
+                       {{m.controls[0].name, random.Uniform(0, 1)}},
+                       random.Uniform(0, 1),
+                       random.Uniform(0, 1),
+                       random.Uniform(0, 1),
+                       -random.Uniform(0, 1),
+                       random.Uniform(0, 1),
+                       {1, random.Uniform(0, 1)}}};
+    m.adhesions = {{"suction", m.bodies[1].name, m.controls[0].name, random.Uniform(0, 1),
+                    -random.Uniform(0, 1), random.Uniform(0, 1)}};
+    m.switched_closures = {{"hook", m.bodies[1].name, "free", random.Pose(1), random.Pose(1),
+                            Eigen::Matrix<bool, 6, 1>::Constant(random.Chance(0.5)), m.controls[0].name,
+                            random.Uniform(0, 1)}};
     m.springs[0].along = {1, random.Uniform(0, 1)};
     m.controls[1].along = {0, -0.5};
   }
@@ -230,6 +252,7 @@ inline Scene SceneWithEverything(unsigned seed) {
   mesh->name = "tetrahedron";
   for (int i = 0; i < 4; ++i) mesh->vertices.push_back(random.InBox(1).cast<float>());
   mesh->triangles = {{0, 1, 2}, {0, 1, 3}, {1, 2, 3}, {0, 2, 3}};
+  for (int i = 0; i < 12; ++i) mesh->corner_uv.push_back(random.InBox(1).head<2>().cast<float>());
   auto grid = std::make_shared<HeightGrid>();
   *grid = {"hills", 3, 4, random.Uniform(0, 1), random.Uniform(0, 1), random.Uniform(0, 1), 0.1, {}};
   for (int i = 0; i < 12; ++i) grid->values.push_back(static_cast<float>(random.Uniform(0, 1)));
@@ -239,6 +262,7 @@ inline Scene SceneWithEverything(unsigned seed) {
   body.name = "free";
   body.X_WB = random.Pose(1);
   body.inertia = random.Inertia();
+  body.gravity_compensation = random.Uniform(0, 1);
   const Shape shapes[] = {Plane{0.1, 0},
                           Sphere{random.Uniform(0, 1)},
                           Capsule{0.1, random.Uniform(0, 1)},
@@ -258,10 +282,16 @@ inline Scene SceneWithEverything(unsigned seed) {
     g.conaffinity = random.Below(4);
     g.frictionless = random.Chance(0.5);
     g.margin = random.Uniform(0, 1);
+    g.gap = random.Uniform(0, 1);
+    g.torsion = random.Uniform(0, 1);
+    g.rolling = random.Uniform(0, 1);
+    g.moments = random.Below(3);
+    g.restitution = random.Uniform(0, 1);
     g.pairs = {random.Below(3), 1};
     g.rgba = Vector4(0.1, random.Uniform(0, 1), 1.0 / 3, 1);
     if (random.Chance(0.5)) g.picture = picture;
     g.picture_x = random.Uniform(0, 1);
+    g.picture_y = random.Uniform(0, 1);
     g.group = random.Below(5);
     body.geometries.push_back(g);
   }
@@ -269,7 +299,8 @@ inline Scene SceneWithEverything(unsigned seed) {
   scene.world = body.geometries;
   scene.free_bodies = {body, body};
   scene.excluded_pairs = {{"free", "world"}, {"a", ""}};
-  scene.contact_pairs = {{"pair", random.Uniform(0, 1), 0.1, 0.2, 0.3, random.Uniform(0, 1)}, {}};
+  scene.contact_pairs = {
+      {"pair", random.Uniform(0, 1), 0.1, 0.2, 0.3, random.Uniform(0, 1), random.Uniform(0, 1)}, {}};
   KeyframeDef key;
   key.name = "key";
   for (const MechanismDef& m : scene.mechanisms) {
