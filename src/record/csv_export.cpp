@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <filesystem>
 #include <fork1s/record/csv.hpp>
+#include <fork1s/sim/run_statistics.hpp>
 #include <fstream>
 #include <map>
 #include <utility>
@@ -141,45 +142,28 @@ class Tables {
     poses_.AddAll(Vector3(R * V_R.tail<3>()));
     poses_.AddAll(Vector3(R * V_R.head<3>()));
   }
-  // |f_t| and µ f_n of contacts [N], sums over them.
-  struct FrictionUse {
-    double tangential = 0, limit = 0;
-
-    void Add(const RecordedContact& c) {
-      const double normal = c.force.dot(c.normal);
-      if (!(c.friction > 0 && normal > 0)) return;
-      tangential += (c.force - normal * c.normal).norm();
-      limit += c.friction * normal;
-    }
-    double Share() const { return limit > 0 ? tangential / limit : 0; }
-  };
-
   // All contacts of two bodies together.
   void AddPairs(const Recording& part, int i) {
-    struct Load {
-      Vector3 force = Vector3::Zero(), moment = Vector3::Zero();
-      int contacts = 0;
-      FrictionUse use;
-    };
-    std::map<std::pair<int, int>, Load> loads;
+    std::map<std::pair<int, int>, std::pair<ContactLoad, int>> loads;  // and the number of contacts
     for (const RecordedContact& c : part.Contacts(i)) {
       const int a = std::min(c.body_a, c.body_b), b = std::max(c.body_a, c.body_b);
-      Load& load = loads[{a, b}];
-      const Vector3 force = c.body_b == b ? c.force : Vector3(-c.force);
+      const double sign = c.body_b == b ? 1 : -1;
       const Vector3 origin = b < 0 ? Vector3(Vector3::Zero()) : part.Pose(i, b).translation();
-      load.force += force;
-      load.moment += Vector3(c.point - origin).cross(force);
-      ++load.contacts;
-      load.use.Add(c);
+      ContactLoad load = ContactLoad::OfContact(sign * c.force, sign * c.normal, c.friction);
+      load.moment_W = Vector3(c.point - origin).cross(load.force_W);
+      auto& [sum, contacts] = loads[{a, b}];
+      sum.Add(load, 1);
+      ++contacts;
     }
-    for (const auto& [bodies, load] : loads) {
+    for (const auto& [bodies, of_pair] : loads) {
+      const auto& [load, contacts] = of_pair;
       pairs_.Start(part.data().time[static_cast<std::size_t>(i)]);
       pairs_.Add(NameOf(bodies.first));
       pairs_.Add(NameOf(bodies.second));
-      pairs_.AddAll(load.force);
-      pairs_.AddAll(load.moment);
-      pairs_.Add(load.contacts);
-      pairs_.Add(load.use.Share());
+      pairs_.AddAll(load.force_W);
+      pairs_.AddAll(load.moment_W);
+      pairs_.Add(contacts);
+      pairs_.Add(load.FrictionUse());
       pairs_.End();
     }
   }
@@ -194,9 +178,7 @@ class Tables {
       for (const Vector3* v : {&c.point, &c.normal, &c.force}) contacts_.AddAll(*v);
       contacts_.Add(c.gap);
       contacts_.Add(c.friction);
-      FrictionUse use;
-      use.Add(c);
-      contacts_.Add(use.Share());
+      contacts_.Add(ContactLoad::OfContact(c.force, c.normal, c.friction).FrictionUse());
       contacts_.End();
     }
   }

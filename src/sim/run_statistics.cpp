@@ -47,6 +47,11 @@ void AddRelinearizations(const StepReport& report, const World& world, Relineari
   }
 }
 
+ContactLoad ContactLoad::OfContact(const Vector3& force_W, const Vector3& normal_W, double friction) {
+  const double normal = normal_W.dot(force_W);
+  return LoadOf(force_W, Vector3::Zero(), normal, (force_W - normal * normal_W).norm(), friction);
+}
+
 ContactLoad& ContactLoad::Add(const ContactLoad& other, double weight) {
   force_W += weight * other.force_W;
   moment_W += weight * other.moment_W;
@@ -137,10 +142,9 @@ void RunStatistics::UpdateFrozenContacts(const Simulation& simulation) {
     const bool swapped = f.body > f.held;
     PairLoad& pair = Pair(std::min(f.body, f.held), std::max(f.body, f.held));
     const Vector3 force = swapped ? Vector3(-f.force_W) : f.force_W;
-    const double normal = f.normal_W.dot(f.force_W);
-    pair.last.Add(LoadOf(force, Vector3(f.point_W - simulation.Pose(pair.body_b).translation()).cross(force),
-                         normal, (f.force_W - normal * f.normal_W).norm(), f.friction),
-                  1);
+    ContactLoad load = ContactLoad::OfContact(force, swapped ? Vector3(-f.normal_W) : f.normal_W, f.friction);
+    load.moment_W = Vector3(f.point_W - simulation.Pose(pair.body_b).translation()).cross(force);
+    pair.last.Add(load, 1);
   }
 }
 

@@ -1,6 +1,7 @@
 #include "readings.hpp"
 
 #include <fork1s/sim/queries.hpp>
+#include <fork1s/sim/run_statistics.hpp>
 
 namespace fork1s::python {
 namespace {
@@ -61,9 +62,8 @@ std::vector<ContactRow> Contacts(const Simulation& simulation) {
     Eigen::Map<Vector3>(row.torque) = c.moment_W;
     row.gap = c.gap;
     row.friction = c.friction;
-    const double normal = c.force_W.dot(c.normal_W), limit = c.friction * normal;
     Eigen::Map<Vector3>(row.pull) = c.pull_W;
-    row.friction_use = limit > 0 ? (c.force_W - normal * c.normal_W).norm() / limit : 0;
+    row.friction_use = ContactLoad::OfContact(c.force_W, c.normal_W, c.friction).FrictionUse();
   }
   return rows;
 }

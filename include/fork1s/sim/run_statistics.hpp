@@ -23,6 +23,8 @@ struct ContactLoad {
 
   /// |f_t| / (µ f_n), the mean of the contacts weighted by µ f_n; 1: all of them slide. 0 without friction.
   double FrictionUse() const { return friction_limit > 0 ? tangential / friction_limit : 0; }
+  /// Of one contact with a force on b along and across its normal, without a moment; `friction`: its coefficient.
+  static ContactLoad OfContact(const Vector3& force_W, const Vector3& normal_W, double friction);
   ContactLoad& Add(const ContactLoad& other, double weight);
 };
 
