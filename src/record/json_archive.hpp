@@ -71,6 +71,7 @@ class JsonWriter {
     if constexpr (std::is_enum_v<T>) {
       for (const auto& [e, name] : EnumNames<T>::kNames)
         if (e == value) return name;
+      FORK1S_REQUIRE(false, "value", static_cast<int>(value), "of an enumeration has no name for files");
       return nullptr;
     } else if constexpr (std::is_array_v<T>) {
       Json array = Json::array();
