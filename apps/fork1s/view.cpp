@@ -196,7 +196,7 @@ void AddView(CLI::App& app, Action& action) {
   command->add_flag("--no-open", args->no_open, "only print the address, start no browser");
   command->add_flag("--no-token", args->no_token,
                     "serve the page without a token in its address, to every user of this machine");
-  command->add_flag("--no-watch", args->no_watch, "do not load the model anew when its file changes");
+  command->add_flag("--no-watch", args->no_watch, "do not load the model again when its file changes");
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
       ->check(PositiveUpTo(kMostStep));
   command->add_option("--controls", args->controls,

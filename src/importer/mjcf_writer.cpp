@@ -334,7 +334,7 @@ void NoteLostActivations(Conversion& c) {
   }
   c.ChangedMany(
       "keyframe", names,
-      "it is written anew for the options, without the activations of parts of actuators that are not simulated");
+      "it is written again for the options, without the activations of parts of actuators that are not simulated");
 }
 
 // The files that the text names, from where it will lie.

@@ -46,7 +46,7 @@ float* PutReduced(const VectorX& z, float* out) {
 void RecoveryBuffers::WriteFrame(const Simulation& simulation, std::vector<float>& frame) const {
   if (!IsOf(simulation))
     throw std::invalid_argument(
-        "RecoveryBuffers::WriteFrame: the reference has moved since these buffers were made; make them anew");
+        "RecoveryBuffers::WriteFrame: the reference has moved since these buffers were made; make them again");
   frame.resize(frame_size());
   const auto& mechanisms = simulation.world().mechanisms();
   float* out = PutBases(simulation.world(), frame.data());

@@ -86,7 +86,8 @@ std::vector<std::string> ErrorFigure::Warnings() const {
         "a shorter time step or more modes",
         kMaxPercent, names));
   if (!values_.refused.empty()) out.push_back("no error estimate: " + values_.refused);
-  for (const std::string& where : values_.began_anew) out.push_back("the error estimate began anew " + where);
+  for (const std::string& where : values_.began_anew)
+    out.push_back("the error estimate began again " + where);
   return out;
 }
 

@@ -125,7 +125,7 @@ TEST(ErrorFigure, BegunAnewKeepsTheLargestErrorsAndSaysSo) {
   figure.Restart("here");
   figure.Restart("there");  // no estimate ended
   EXPECT_EQ(figure.largest().total, before);
-  EXPECT_EQ(figure.Warnings().back(), "the error estimate began anew here");
+  EXPECT_EQ(figure.Warnings().back(), "the error estimate began again here");
   StepBoth(simulation, figure, 1);
   EXPECT_GE(figure.largest().total, before);
 }

@@ -91,7 +91,7 @@ TEST_P(HoldTogetherBy, TwoMechanismsHoldAsOneDoes) {
   EXPECT_EQ(two.world().free_bodies().size(), 1u);
   Steps(one, 60);
   Steps(two, 60);
-  EXPECT_LT(Between(one, two), 1e-6) << "contact is found anew";
+  EXPECT_LT(Between(one, two), 1e-6) << "contact is found again";
 }
 
 INSTANTIATE_TEST_SUITE_P(Integrators, HoldTogetherBy,

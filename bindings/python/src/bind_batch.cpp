@@ -207,7 +207,7 @@ constexpr const char* kBatch = R"(Many simulations of one model, stepped togethe
     batch = fork1s.Batch(model, 1024, seeds=7)  # each with a stiffness, friction and mass of its own
     report = batch.step(controls, steps=4)      # controls (1024, c)
     heights = batch.poses("box")[:, 0, 2]
-    batch.reset(heights > 0.1)                  # those begin anew, and draw anew
+    batch.reset(heights > 0.1)                  # those begin again, and draw again
 
 count: how many. threads: at most this many, 0 for all cores; results are the same bits for any number. dt, keyframe,
 recovery and detail as for `Simulation`.
@@ -218,7 +218,7 @@ by the root), sliding coefficients, masses and inertias.
 seeds: draws those factors instead. One whole number, from which each member gets a seed of its own (`seeds`), or (count,)
 of them. What a member draws depends on its seed and on how often it has begun, and on nothing else: not on the other
 members, their number, or threads. A factor that is given as well counts in place of the drawn one until the member begins
-anew.
+again.
 
 randomise: what seeds draw from, as {name: (smallest, largest)}; default: `usual_ranges`. `stiffness`, `friction`, `mass`,
 of equal likelihood in their logarithm; and where a coordinate starts, relative to where it would: `start:JOINT`, rad or m,
@@ -279,7 +279,7 @@ void BindBatch(nb::module_& m) {
       .def(
           "reset", Reset, nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("seeds") = nb::none(),
           nb::arg("stiffness") = nb::none(), nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),
-          "Those whose entry in mask (n,) is true begin anew; None: all. A batch with seeds draws anew for "
+          "Those whose entry in mask (n,) is true begin again; None: all. A batch with seeds draws again for "
           "them: "
           "what their seed draws next, or, where seeds are given here, a number or (n,), what these draw "
           "first. "

@@ -39,7 +39,7 @@ void WithCurrent(const Buffers& buffers, F&& f) {
   });
   if (!is_of)
     throw Refused{Error{ErrorCode::kUsage, "RecoveryBuffers",
-                        "the reference has moved since they were made; make them anew from the simulation"}};
+                        "the reference has moved since they were made; make them again from the simulation"}};
 }
 
 nb::ndarray<nb::numpy, float> FrameOf(const Buffers& buffers) {

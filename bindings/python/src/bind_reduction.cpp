@@ -131,9 +131,9 @@ void BindReduction(nb::module_& m) {
   nb::class_<ReducedModel>(m, "Matrices", R"(The reduced model about the pose where the simulation starts.
 
 Sizes: n joint coordinates, r reduced coordinates z, b bodies. Joint displacements are
-q = q_ref + Q z + (the interior's own static answer), and M z'' + D z' + K z = forces. Joints that hear nothing of
-each other while the base is held, as those of two fingers, have columns of Q of their own, which stand together: in this
-order directions that no spring holds, elastic directions that the interface bodies feel, and fixed-interface modes.
+q = q_ref + Q z + (the interior's own static answer), and M z'' + D z' + K z = forces. Groups of joints
+that are independent while the base is held, as two fingers, have columns of Q of their own, which are contiguous: free
+directions (no spring), elastic directions that move the interface bodies, and fixed-interface modes, in this order.
 Arrays are views that nobody may change; they stay valid when everything else is gone.)")
       .def_prop_ro(
           "M", [](const Reduced& s) { return ViewMatrix(s, s->M.data(), s->M.rows(), s->M.cols()); },

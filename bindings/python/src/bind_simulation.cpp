@@ -80,7 +80,7 @@ void BindStepReport(nb::module_& m) {
           "Two-stage, m: by how much another Newton iteration would move something; the worst of all stages.")
       .def_ro("stage_residual_of", &internal::StepTotals::stage_residual_of,
               "Whose residual that is, by name.")
-      .def_ro("refreshes", &internal::StepTotals::refreshes, "Times that the reduced model was taken anew.")
+      .def_ro("refreshes", &internal::StepTotals::refreshes, "Relinearizations.")
       .def_prop_ro(
           "refreshes_by_cause",
           [](const internal::StepTotals& r)
@@ -107,7 +107,7 @@ void BindStepReport(nb::module_& m) {
           "Steps in which a mechanism went by an expansion (recovery 'expanded'); the others went by exact "
           "poses.")
       .def_ro("expansions", &internal::StepTotals::expansions,
-              "Times that one was expanded anew, beside those with a refresh.")
+              "Times that one was expanded again, beside those with a refresh.")
       .def_ro("contacts_dropped", &internal::StepTotals::contacts_dropped,
               "The collision detector ran out of room.")
       .def_ro("finite", &internal::StepTotals::finite,

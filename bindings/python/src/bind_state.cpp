@@ -273,7 +273,7 @@ void BindState(nb::class_<Runner>& simulation) {
       "what "
       "holds it, springs and servos together, N·m/rad or N/m, as `Model.with_stiffness`. Set-points stay; "
       "contacts "
-      "are found anew; those of a driven base count from its present pose. A snapshot from before cannot be "
+      "are found again; those of a driven base count from its present pose. A snapshot from before cannot be "
       "restored. Takes milliseconds. Raises UnknownNameError, UsageError, ModelError.",
       nb::sig("def set_stiffness(self, stiffness: collections.abc.Mapping[str, float]) -> None"));
   simulation.def("save", &Runner::Save,
@@ -323,7 +323,7 @@ void BindState(nb::class_<Runner>& simulation) {
       "angular first, world axes.\n"
       "Loops that `qpos` leaves open are closed by the smallest change; of those that `joints` open, the joints "
       "that are named stay and the others follow. `state_change` says how far. Set-points of controls stay; "
-      "those of a driven base count from its new pose. Contacts are found anew. Takes milliseconds. Raises "
+      "those of a driven base count from its new pose. Contacts are found again. Takes milliseconds. Raises "
       "UnknownNameError, UsageError where loops stay open with the joints named, ValueError, and as the "
       "constructor does.",
       nb::sig(

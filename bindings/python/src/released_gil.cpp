@@ -172,7 +172,7 @@ void CallMutex::Lock(const char* what) {
     if (generation_ != gate->generation) {
       if (holder_.load() != std::thread::id())
         throw Refused{{ErrorCode::kUsage, what,
-                       "another thread was using it as this process was forked; make it anew here, or start "
+                       "another thread was using it as this process was forked; make it again here, or start "
                        "processes by 'spawn'"}};
       static_cast<void>(mutex_.release());  // a thread that the child does not have may hold it
       mutex_ = std::make_unique<std::mutex>();
