@@ -236,7 +236,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
   std::size_t next_detail = 0;
   if (watches.error) out.error.emplace();
   Passers passers(simulation);
-  SanityMonitor plausible(simulation);
+  SanityMonitor monitor(simulation);
   out.statistics.Begin(simulation);
   const SpeedWatch speeds(simulation, watches.velocity_limits);
   StartBasePaths(simulation, out);
@@ -244,7 +244,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     const std::size_t switches = out.switches.size();
     Switch(inputs.detail, next_detail, simulation, out);
     if (out.switches.size() != switches) {
-      plausible.Changed(simulation);
+      monitor.Changed(simulation);
       out.statistics.Begin(simulation);
     }
     const double end = static_cast<double>(i + 1) * simulation.dt();
@@ -284,8 +284,8 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.energy_last = energy;
     const double gap = simulation.JointGap();
     out.gap_max = std::max(out.gap_max, gap);
-    plausible.Update(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(),
-                                  report.IsSolved(), report.stages_converged ? 0 : report.stage_residual});
+    monitor.Update(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(), report.IsSolved(),
+                                report.stages_converged ? 0 : report.stage_residual});
     if (watches.load_factor) watch.Update(simulation, out);
     passers.Update(simulation, out.switches.size(), out);
     if (recorder)
@@ -294,7 +294,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
   }
   passers.Record(out);
-  out.implausible = plausible.Sentences();
+  out.implausible = monitor.Sentences();
   return out;
 }
 

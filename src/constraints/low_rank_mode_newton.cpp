@@ -7,6 +7,7 @@
 #include <fork1s/base/quad.hpp>
 
 #include "linalg/in_place.hpp"
+#include "line_search.hpp"
 #include "low_rank_mode_update.hpp"
 
 namespace fork1s::internal {
@@ -15,7 +16,7 @@ namespace {
 // It ends at rounding where it can: what a mode ends short of by a thousandth of `enough`, impulses that
 // redundant points bear against each other are off by a thousand times as much.
 constexpr double kRounded = 1e-3;
-constexpr int kFewSteps = 12, kLineSteps = 30, kBrackets = 30;
+constexpr int kFewSteps = 12, kLineSteps = 30;
 
 }  // namespace
 
@@ -234,32 +235,12 @@ bool LowRankModeUpdate::SolveByLineSearch(const RegularizedContactProblem& rows,
     w_start_ = w_;
     lambda_start_ = lambda_;
     const double start = along();
-    double length = 1;
-    Move(1);
-    off = Respond(rows);
-    double slope = along();
-    if (start < 0 && slope > 0.1 * std::abs(start)) {
-      double low = 0, f_low = start, high = 1, f_high = slope;
-      int side = 0;
-      for (int b = 0; b < kBrackets && std::abs(slope) > 0.1 * std::abs(start); ++b) {
-        length = low + (high - low) * f_low / (f_low - f_high);
-        if (!(length > low && length < high)) length = 0.5 * (low + high);
-        Move(length);
-        off = Respond(rows);
-        slope = along();
-        if (slope > 0) {
-          high = length;
-          f_high = slope;
-          if (side == 1) f_low *= 0.5;
-          side = 1;
-        } else {
-          low = length;
-          f_low = slope;
-          if (side == -1) f_high *= 0.5;
-          side = -1;
-        }
-      }
-    }
+    const auto evaluate = [&](double length) {
+      Move(length);
+      off = Respond(rows);
+      return along();
+    };
+    const double length = FindSlopeRoot(start, evaluate(1), evaluate);
     for (std::size_t i = 0; i < r_.size(); ++i) r_[i] += length * step_[i];
   }
   return false;

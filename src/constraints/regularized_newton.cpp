@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "line_search.hpp"
+
 namespace fork1s::internal {
 namespace {
 
@@ -44,28 +46,10 @@ bool RegularizedNewton::Run(RegularizedContactProblem& rows, double tolerance, i
       rows.Evaluate(trial_.data(), with_derivative);
       return Dot(step_, rows.F());
     };
-    double slope = evaluate(1, true);
-    if (!rows.Reached(tolerance) && start < 0 && slope > 0.1 * std::abs(start)) {
-      // The root of s·F on the way: bracketed by regula falsi (Illinois).
-      double low = 0, f_low = start, high = 1, f_high = slope, length = 1;
-      int side = 0;
-      for (int k = 0; k < 30 && std::abs(slope) > 0.1 * std::abs(start); ++k) {
-        length = low + (high - low) * f_low / (f_low - f_high);
-        if (!(length > low && length < high)) length = 0.5 * (low + high);
-        slope = evaluate(length, false);
-        if (slope > 0) {
-          high = length;
-          f_high = slope;
-          if (side == 1) f_low *= 0.5;
-          side = 1;
-        } else {
-          low = length;
-          f_low = slope;
-          if (side == -1) f_high *= 0.5;
-          side = -1;
-        }
-      }
-      evaluate(length, true);
+    const double slope = evaluate(1, true);
+    if (!rows.Reached(tolerance)) {
+      const double length = FindSlopeRoot(start, slope, [&](double at) { return evaluate(at, false); });
+      if (length < 1) evaluate(length, true);
     }
     d_.swap(trial_);
   }

@@ -102,12 +102,12 @@ bool AnyIsSwitchedOn(const Scene& scene, const Simulation& start, const ControlT
     for (const SwitchedClosureDef& closure : m.switched_closures) {
       const auto column = std::find(track.names.begin(), track.names.end(), closure.control);
       if (column == track.names.end() || track.rows.empty()) {
-        if (start.controls()(start.FindControl(closure.control)) > 0.5) return true;
+        if (SwitchedClosureDef::IsOn(start.controls()(start.FindControl(closure.control)))) return true;
         continue;
       }
       const auto at = static_cast<std::size_t>(column - track.names.begin());
       for (const std::vector<double>& row : track.rows)
-        if (at < row.size() && row[at] > 0.5) return true;
+        if (at < row.size() && SwitchedClosureDef::IsOn(row[at])) return true;
     }
   return false;
 }

@@ -253,7 +253,7 @@ Expected<Run> Simulate(const std::string& path, const Scene& scene, const std::v
     options.controls->Apply(time, *guide);
     for (const auto& [control, actuator] : *inputs) d->ctrl[actuator] = guide->controls()(control);
     for (const auto& [control, equality] : switches)
-      d->eq_active[equality] = guide->controls()(control) > 0.5 ? 1 : 0;
+      d->eq_active[equality] = SwitchedClosureDef::IsOn(guide->controls()(control)) ? 1 : 0;
     for (const DrivenBase& b : bases) {
       const Vector3 at = b.start.translation() + guide->controls().segment<3>(b.control);
       const Quaternion q(

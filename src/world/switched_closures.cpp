@@ -110,7 +110,8 @@ void StackBlocks(ClosureGroup& group, std::vector<VelocityBlock>& blocks) {
 void StartSwitchedClosures(const Bodies& bodies, const Detection& detection, double h,
                            std::vector<SwitchedClosure>& closures) {
   for (SwitchedClosure& closure : closures) {
-    closure.acts = bodies.mechanisms[closure.mechanism].ActivationOf(closure.control) > 0.5;
+    closure.acts =
+        SwitchedClosureDef::IsOn(bodies.mechanisms[closure.mechanism].ActivationOf(closure.control));
     closure.rate.setZero();
     if (closure.acts)
       closure.rate =

@@ -175,9 +175,9 @@ TEST(ContactProperties, DryFrictionOfManyJointsTakesFewIterations) {
 // Where the solution is unique (contacts on distinct bodies, little friction) the order cannot matter.
 // Contacts that wait are found where the others close them, however badly they were guessed. With friction an
 // answer need not be the only one; without it is.
-TEST(ContactProperties, WaitingChangesNoAnswer) {
+TEST(ContactProperties, DeferralChangesNoAnswer) {
   std::mt19937 random(9);
-  std::bernoulli_distribution waits(0.7);
+  std::bernoulli_distribution is_deferred(0.7);
   ContactSolver solver;
   ContactSolverOptions options;
   options.max_relative_regularization = 1;
@@ -190,7 +190,7 @@ TEST(ContactProperties, WaitingChangesNoAnswer) {
     q.Finish();
     q.velocity = p.velocity;
     q.contacts = p.contacts;
-    for (ContactConstraint& c : q.contacts) c.may_be_deferred = waits(random);
+    for (ContactConstraint& c : q.contacts) c.may_be_deferred = is_deferred(random);
     ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options).converged);
     ASSERT_TRUE(solver.Solve(q.blocks, q.contacts, q.limits, q.velocity, options).converged);
     EXPECT_LT((p.velocity - q.velocity).norm(), 1e-7 * (1 + p.velocity.norm())) << trial;
@@ -202,9 +202,9 @@ TEST(ContactProperties, WaitingChangesNoAnswer) {
   EXPECT_GT(closed, 200);  // waiting was wrong that often
 }
 
-// What waits and bore something in a solve before this one, as where servos change sides in between, is not left out with
+// What may be deferred and bore something in a solve before this one, as where servos change sides in between, is not left out with
 // its impulse standing: bodies end with what all impulses make of their velocities.
-TEST(ContactProperties, WaitingKeepsNoOldImpulse) {
+TEST(ContactProperties, DeferralKeepsNoOldImpulse) {
   std::mt19937 random(11);
   for (int trial = 0; trial < testing::Draws(50); ++trial) {
     Problem p = testing::DrawFamily(random, testing::kFamilies[static_cast<std::size_t>(trial) % 5]);

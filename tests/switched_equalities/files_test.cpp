@@ -160,6 +160,16 @@ TEST(SwitchedEquality, InTheFullModel_IsRefused) {
   EXPECT_NE(full.error().Text().find("equality 'grab'"), std::string::npos) << full.error().Text();
 }
 
+void ExpectReplay(const std::string& path, int steps, std::uint64_t final_hash) {
+  auto recording = Recording::Open(path);
+  ASSERT_TRUE(recording) << recording.error().Text();
+  const auto replay = Replay(*recording);
+  ASSERT_TRUE(replay) << replay.error().Text();
+  EXPECT_EQ(replay->steps, steps);
+  EXPECT_TRUE(replay->identical) << replay->first_difference_step;
+  EXPECT_EQ(replay->final_hash, final_hash);
+}
+
 TEST(SwitchedEquality, SwitchedWithinARecording_IsReplayedBitByBit) {
   const auto path =
       std::filesystem::path(::testing::TempDir()) / fmt::format("fork1s_switched_{}.h5", getpid());
@@ -175,13 +185,7 @@ TEST(SwitchedEquality, SwitchedWithinARecording_IsReplayedBitByBit) {
     }
     ASSERT_TRUE(recorder->Finish());
   }
-  auto recording = Recording::Open(path.string());
-  ASSERT_TRUE(recording) << recording.error().Text();
-  const auto replay = Replay(*recording);
-  ASSERT_TRUE(replay) << replay.error().Text();
-  EXPECT_EQ(replay->steps, 120);
-  EXPECT_TRUE(replay->identical) << replay->first_difference_step;
-  EXPECT_EQ(replay->final_hash, s.HashState());
+  ExpectReplay(path.string(), 120, s.HashState());
   std::filesystem::remove(path);
 }
 
@@ -202,13 +206,7 @@ TEST(SwitchedEquality, ThatStartsOnAndIsReleasedWithinARecording_IsReplayedBitBy
     ASSERT_TRUE(recorder->Finish());
   }
   EXPECT_LT(Place(s, "box").z(), start - 0.25);
-  auto recording = Recording::Open(path.string());
-  ASSERT_TRUE(recording) << recording.error().Text();
-  const auto replay = Replay(*recording);
-  ASSERT_TRUE(replay) << replay.error().Text();
-  EXPECT_EQ(replay->steps, 120);
-  EXPECT_TRUE(replay->identical) << replay->first_difference_step;
-  EXPECT_EQ(replay->final_hash, s.HashState());
+  ExpectReplay(path.string(), 120, s.HashState());
   std::filesystem::remove(path);
 }
 

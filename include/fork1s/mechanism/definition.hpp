@@ -58,11 +58,12 @@ struct ContactPairDef {
 
 /// One degree of freedom of a joint.
 struct FreedomDef {
-  Vector6 screw_B = Vector6::Zero();  // unit screw [ω; v] about the origin of body B, in B, at the reference
-  double stiffness = 0;               // N·m/rad or N/m
-  double damping = 0;                 // N·m·s/rad or N·s/m
-  double armature = 0;                // rotor inertia seen at the joint, kg·m² or kg
-  double rest = 0;  // displacement from the reference at which the spring is unloaded, rad or m
+  Vector6 screw_B =
+      Vector6::Zero();   // [ω; v] per unit of the displacement, about B's origin, in B, at the reference
+  double stiffness = 0;  // N·m/rad or N/m
+  double damping = 0;    // N·m·s/rad or N·s/m
+  double armature = 0;   // rotor inertia seen at the joint, kg·m² or kg
+  double rest = 0;       // displacement from the reference at which the spring is unloaded, rad or m
   double lower = -std::numeric_limits<double>::infinity();  // limits of the displacement, rad or m
   double upper = std::numeric_limits<double>::infinity();
 };
@@ -306,7 +307,7 @@ struct AdhesionDef {
   double upper = std::numeric_limits<double>::infinity();   // N
 };
 
-/// A closure that a control switches while a simulation runs. Where the control is above 1/2, frame J of a body of this
+/// A closure that a control switches while a simulation runs. While IsOn(control), frame J of a body of this
 /// mechanism and frame J of another body of the scene are held together, exactly, however large the force. How far they
 /// are apart when it is switched on falls by exp(-t / time_constant).
 struct SwitchedClosureDef {
@@ -319,6 +320,8 @@ struct SwitchedClosureDef {
   Eigen::Matrix<bool, 6, 1> rigid = Eigen::Matrix<bool, 6, 1>::Constant(true);
   std::string control;          // name
   double time_constant = 0.02;  // s
+
+  static bool IsOn(double control_value) { return control_value > 0.5; }
 };
 
 enum class BaseKind {

@@ -15,7 +15,7 @@ struct FreeBodyDef {
   RigidTransform X_WB;
   SpatialInertia inertia;  // in B
   std::vector<GeometryDef> geometries;
-  double gravity_compensation = 0;  // share of the weight that something unseen carries; 1: all of it
+  double gravity_compensation = 0;  // share of the weight that is compensated, as in MJCF; 1: all of it
 };
 
 /// A named initial state.

@@ -214,6 +214,7 @@ def test_switched_equalities_are_inputs_and_switch_as_in_run(tmp_path: Path, fmi
         assert input_of.causality == "input"
         assert [float(x) for x in (input_of.start, input_of.min, input_of.max)] == [start, 0, 1]
     sim = fork1s.Simulation(fork1s.load(model), dt=DT)
+    moved = fork1s.Simulation(fork1s.load(model), dt=DT)
     crate = sim.bodies.index("crate")
     # Held by the first for 0.2 s, by none for 0.1 s, by the second from then on.
     values = [(1, 0)] * 20 + [(0, 0)] * 10 + [(0, 1)] * 20
@@ -225,6 +226,8 @@ def test_switched_equalities_are_inputs_and_switch_as_in_run(tmp_path: Path, fmi
         sim.controls["first"], sim.controls["second"] = first, second
         sim.step(1)
         np.testing.assert_array_equal(unit.pose("crate"), sim.poses[crate])
+        moved.controls["first"], moved.controls["second"] = first, second
+        moved.step(1, move=True)
         heights.append(unit.pose("crate")[2])
         if k == 19:
             speed = sim.velocities[crate][5]
@@ -250,7 +253,8 @@ def test_switched_equalities_are_inputs_and_switch_as_in_run(tmp_path: Path, fmi
         return free["position_m"]
 
     np.testing.assert_array_equal(place_in_run(0.3), fallen)
-    # A table's control moves over its step, which is cut in parts where the second stops the fall: that holds up to a step
+    np.testing.assert_array_equal(place_in_run(0.5), moved.poses[crate][:3])
+    # Those of a table move over the step, which is cut in parts where the second stops the fall: that holds up to a step
     # later, by v h = 10 mm of the fall, of which the masts' damping leaves exp(-18/s 0.2 s) = 0.03.
     np.testing.assert_allclose(place_in_run(0.5), unit.pose("crate")[:3], atol=5e-4)
     unit.close()
