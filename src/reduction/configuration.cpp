@@ -230,7 +230,7 @@ bool Close(const ReducedModel& model, int max_corrections, Configuration& out) {
   constexpr double kFarthest = 0.5;
   double residual = out.c.cwiseAbs().maxCoeff();
   bool stale = !out.has_tangent_predictor, factored = false;
-  for (; out.corrections < max_corrections && residual >= out.closed; ++out.corrections) {
+  for (; out.corrections < max_corrections && residual >= out.closing_tolerance; ++out.corrections) {
     if (stale) FactorLoops(model, out);
     factored = factored || stale;
     out.d = out.c;

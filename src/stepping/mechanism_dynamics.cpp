@@ -103,6 +103,10 @@ void MechanismDynamics::Restore(const MechanismState& saved) {
   fork1s::Restore(model_, state_, *work_, saved);
 }
 
+void MechanismDynamics::SetClosingTolerance(double tolerance) {
+  work_->configuration.closing_tolerance = tolerance;
+}
+
 void MechanismDynamics::SetActivation(const VectorX& activation) {
   FORK1S_REQUIRE(activation.size() == state_.controls.size(), activation.size(), state_.controls.size());
   const auto& controls = mechanism().definition().controls;

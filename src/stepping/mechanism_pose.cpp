@@ -20,7 +20,9 @@ ReductionLoads LoadsOf(const MechanismOptions& options, const MechanismState& st
 // The workspace, that of another model so far.
 void Renew(const StepContext& ctx) {
   const auto& [model, state, ws] = ctx;
+  const double closing_tolerance = ws.configuration.closing_tolerance;
   ws.configuration = Configuration(*model.reduced);
+  ws.configuration.closing_tolerance = closing_tolerance;
   ws.jacobian = ReducedJacobian(*model.reduced);
   ws.mass.inertia = ReducedInertia(*model.reduced);
   Size(ctx);

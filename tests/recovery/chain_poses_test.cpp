@@ -64,7 +64,7 @@ void ExpectPosesOfConfigure(const ReducedModel& model, Recovery mode, const std:
   PoseArrays<Real> one;
   Configuration scratch(model);
   // As near as rounding lets it come; of a mechanism in millimetres 1e-14 m is a coarse figure.
-  scratch.closed = 1e-14 * std::min(1.0, model.mechanism->length_scale());
+  scratch.closing_tolerance = 1e-14 * std::min(1.0, model.mechanism->length_scale());
   std::vector<RigidTransform> X_RB;
   for (std::size_t i = 0; i < all.size(); ++i) {
     SCOPED_TRACE("state " + std::to_string(i));

@@ -40,7 +40,7 @@ TEST(CurvedRecovery, IsExactToSecondOrder) {
     const VectorX z = random.Vector(exact.size(), 1);
     // ½ N[z, z] by the other method: differences of the µ that close the loops exactly.
     Configuration at(exact), by_curve(curved);
-    at.closed = 1e-14;
+    at.closing_tolerance = 1e-14;
     const ReducedState small = Deflected(exact, z, 1e-3);
     ReducedState back = small;
     back.z = -small.z;

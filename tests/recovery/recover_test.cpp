@@ -99,7 +99,7 @@ TEST(ExactRecovery, RatesFollowTheLoops) {
     const VectorX direction = random.Vector(model.size(), 1);
     const ReducedState state = Deflected(model, direction, 10 * kDegree);
     Configuration scratch(model);
-    scratch.closed = 1e-14;
+    scratch.closing_tolerance = 1e-14;
     Configure(model, state, scratch);
     const VectorX rate = scratch.Q_now * direction;
     const double h = 1e-2 * state.z.norm() / direction.norm();

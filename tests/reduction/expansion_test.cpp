@@ -20,7 +20,7 @@ struct ExactPose {
     ReducedState state;
     state.z = z;
     state.w = VectorX::Zero(model.size());
-    configuration.closed = 1e-14;
+    configuration.closing_tolerance = 1e-14;
     Configure(model, state, configuration);
     Configure(model, state, configuration);
     const Mechanism& m = *model.mechanism;

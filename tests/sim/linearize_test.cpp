@@ -7,6 +7,7 @@
 #include "mechanisms.hpp"
 #include "random_mechanism.hpp"
 #include "sim/gripper.hpp"
+#include "sim/solved_to_rounding.hpp"
 
 namespace fork1s {
 namespace {
@@ -121,7 +122,6 @@ TEST_P(LinearizeCart, PoleUpright_MatrixOfTheScheme) {
   EXPECT_TRUE(step.switches.empty());
 }
 
-// Of random mechanisms and free bodies in motion: what a keyframe beside the state leads to.
 // [x, θ, ẋ, θ̇] after a step that begins at 0, with the activation by the share of the step.
 Vector4 StepUnderForce(const MatrixX& J, Integrator integrator,
                        const std::function<double(double)>& activation) {
@@ -158,6 +158,26 @@ TEST_P(LinearizeCart, LaggedControl_ActivationIsPartOfTheState) {
   EXPECT_NEAR(step.Deviation(simulation)(4), 0.5 * rise(1), 1e-12);
 }
 
+// A control that moves within the step: by its value where it starts and where it ends.
+TEST_P(LinearizeCart, MovingControl_StartAndEndActByTheirShares) {
+  const CartAndPole cart;
+  Simulation simulation = StartFrom(cart.Make(), GetParam());
+  LinearizeOptions options;
+  options.controls_move = true;
+  const LinearizedStep step = LinearizeOrThrow(simulation, options);
+  const Vector4 units(1, 1, kStep, kStep);
+  const auto error = [&](const MatrixX& column, const std::function<double(double)>& activation) {
+    const Vector4 expected = StepUnderForce(cart.Jacobian(), GetParam(), activation);
+    return units.cwiseProduct(column.col(0) - expected).cwiseAbs().maxCoeff();
+  };
+  EXPECT_LT(error(step.B, [](double share) { return share; }), 3e-7);
+  EXPECT_LT(error(step.B_start, [](double share) { return 1 - share; }), 3e-7);
+  EXPECT_LT(step.difference, 1e-6);
+  options.inputs = std::vector<int>{};
+  EXPECT_EQ(LinearizeOrThrow(simulation, options).B.cols(), 0);
+}
+
+// Of random mechanisms and free bodies in motion: what a keyframe beside the state leads to.
 TEST(Linearize, RandomMechanismsInMotion_StepsFromKeyframesBeside) {
   for (unsigned seed = 1; seed <= 12; ++seed) {
     SCOPED_TRACE(seed);
@@ -374,6 +394,109 @@ TEST(Linearize, HeldBall_InputsMoveIt) {
   EXPECT_LT((found - expected).norm(), 1e-5 * expected.norm());
 }
 
+double GripForce(Simulation& simulation) {
+  double sum = 0;
+  for (const ContactRecord& c : simulation.world().contacts()) sum += c.impulse(0) / simulation.dt();
+  return sum;
+}
+
+// A run's matrices chain: the last force of the grip by one set-point held throughout, and where the ball ends.
+TEST(Linearize, RunOfAHeldBall_DerivativesChain) {
+  const Gripper given;
+  Simulation simulation = given.Start();
+  testing::Squeeze(simulation, 0.01);
+  testing::Steps(simulation, 30);
+  constexpr int kSteps = 12;
+  const Simulation::Snapshot start = simulation.Save();
+  LinearizeOptions options;
+  options.from_end = true;
+  options.inputs = std::vector<int>{0};
+  options.outcome = [](Simulation& s) { return VectorX::Constant(1, GripForce(s)); };
+  VectorX dx;
+  double force = 0;
+  LinearizedStep end;
+  for (int k = 0; k < kSteps; ++k) {
+    const LinearizedStep step = LinearizeOrThrow(simulation, options);
+    ASSERT_TRUE(step.switches.empty()) << step.switches[0].of << ": " << step.switches[0].change;
+    EXPECT_EQ(step.c.norm(), 0);
+    if (k == 0) dx = VectorX::Zero(step.A.cols());
+    force = step.outcome_A.row(0).dot(dx) + step.outcome_B(0, 0);
+    dx = VectorX(step.A * dx + step.B.col(0));
+    EXPECT_NEAR(step.outcome(0), 10, 2) << "N";  // two fingers at 500 N/m by 0.01 m
+    simulation.Step();
+  }
+  end = LinearizeOrThrow(simulation);
+  constexpr double kChange = 1e-6;
+  VectorX x[2];
+  double forces[2];
+  const SolvedToRounding solved(simulation);
+  for (const int side : {0, 1}) {
+    ASSERT_TRUE(simulation.Restore(start));
+    simulation.SetControl(0, start.controls(0) + (side == 0 ? kChange : -kChange));
+    testing::Steps(simulation, kSteps);
+    x[side] = end.Deviation(simulation);
+    forces[side] = GripForce(simulation);
+  }
+  const VectorX expected = (x[0] - x[1]) / (2 * kChange);
+  EXPECT_GT(expected.norm(), 0.1);
+  // Each of twelve steps is off by 1e-6 of what it moves by.
+  EXPECT_LT((dx - expected).norm(), 1e-5 * expected.norm());
+  EXPECT_NEAR(force, (forces[0] - forces[1]) / (2 * kChange), 1e-5 * given.k);
+}
+
+TEST(Linearize, LoopThatSwings_DerivativesChain) {
+  testing::FourBar soft;
+  soft.k_A = soft.k_D = 0.3;
+  Scene scene = SceneOf(soft.Definition());
+  scene.gravity = Vector3(2, -9.81, 0);
+  Simulation simulation = StartFrom(scene);
+  const Simulation::Snapshot start = simulation.Save();
+  constexpr int kSteps = 20;
+  LinearizeOptions options;
+  options.from_end = true;
+  MatrixX by_start = MatrixX::Identity(2, 2);
+  const LinearizedStep first = LinearizeOrThrow(simulation);
+  for (int k = 0; k < kSteps; ++k) {
+    by_start = LinearizeOrThrow(simulation, options).A * by_start;
+    simulation.Step();
+  }
+  const LinearizedStep end = LinearizeOrThrow(simulation);
+  constexpr double kChange = 1e-5;
+  VectorX from[2], to[2];
+  const SolvedToRounding solved(simulation);
+  for (const int side : {0, 1}) {
+    Simulation::Snapshot moved = start;
+    moved.world.mechanisms[0].reduced.w.array() += side == 0 ? kChange : -kChange;
+    ASSERT_TRUE(simulation.Restore(moved));
+    from[side] = first.Deviation(simulation);
+    testing::Steps(simulation, kSteps);
+    to[side] = end.Deviation(simulation);
+  }
+  const VectorX expected = to[0] - to[1], found = by_start * (from[0] - from[1]);
+  EXPECT_GT(expected.norm(), 1e-6);
+  // Rounding leaves 1e-14 of a joint, 1e-8 of the changes.
+  EXPECT_LT((found - expected).norm(), 1e-6 * expected.norm()) << found << "\n\n" << expected;
+}
+
+// What an outcome throws comes through, and leaves the simulation as it was.
+TEST(Linearize, OutcomeThatThrows_SimulationIsPutBack) {
+  Simulation simulation = StartFrom(CartAndPole{}.Make());
+  const std::uint64_t before = simulation.HashState();
+  int calls = 0;
+  LinearizeOptions options;
+  options.outcome = [&](Simulation&) -> VectorX {
+    if (++calls == 3) throw std::runtime_error("no more");
+    return VectorX::Zero(1);
+  };
+  EXPECT_THROW(static_cast<void>(Linearize(simulation, options)), std::runtime_error);
+  EXPECT_EQ(simulation.HashState(), before);
+  EXPECT_EQ(simulation.step_options().newton_tolerance, StepOptions{}.newton_tolerance);
+  EXPECT_TRUE(simulation.step_options().refresh);
+  calls = 0;
+  options.outcome = [&](Simulation&) { return VectorX(VectorX::Zero(++calls)); };
+  EXPECT_THROW(static_cast<void>(Linearize(simulation, options)), std::invalid_argument);
+}
+
 TEST(Linearize, BadOptions_AreTold) {
   Simulation simulation = StartFrom(CartAndPole{}.Make());
   LinearizeOptions options;
@@ -386,6 +509,11 @@ TEST(Linearize, BadOptions_AreTold) {
   out = Linearize(simulation, options);
   ASSERT_FALSE(out);
   EXPECT_NE(out.error().Text().find("no body 17"), std::string::npos) << out.error().Text();
+  options = {};
+  options.inputs = std::vector<int>{3};
+  out = Linearize(simulation, options);
+  ASSERT_FALSE(out);
+  EXPECT_NE(out.error().Text().find("no control 3"), std::string::npos) << out.error().Text();
   const LinearizedStep step = LinearizeOrThrow(simulation);
   const Simulation other = StartFrom(BoxOnPlane(0.5));
   EXPECT_FALSE(step.IsOf(other));

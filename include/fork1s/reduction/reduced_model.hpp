@@ -134,6 +134,9 @@ void FillDerived(ReducedModel& model);
 void AddMotion(const ReducedModel& model, const RowMatrixX& Q, const VectorX& z, VectorX& q);
 void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& g, VectorX& f);
 
+/// rad and m: residual at which corrections of loops end, far below the 0.01 mm that users see.
+inline constexpr double kClosingTolerance = 1e-10;
+
 /// Result and scratch of the map from reduced coordinates to joint displacements and body poses, with loops closed.
 struct Configuration {
   explicit Configuration(const ReducedModel& model);
@@ -142,9 +145,8 @@ struct Configuration {
   Kinematics kinematics;
   RowMatrixX Q_now;  // n x r: ∂q/∂z at the present pose (Q on trees)
   VectorX mu;        // m: q = q_ref + Q z - B µ
-  double closed =
-      1e-10;            // rad and m: residual at which corrections end, far below the 0.01 mm that users see
-  int corrections = 0;  // iterations that closed the loops
+  double closing_tolerance = kClosingTolerance;
+  int corrections = 0;       // iterations that closed the loops
   double loop_residual = 0;  // of all rows, rad and m
 
   // Loop scratch, m independent rows in the order of LoopRows.

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <fork1s/sim/simulation.hpp>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +14,16 @@ struct LinearizeOptions {
   std::vector<int> outputs;
   /// By how much coordinates are moved: radians, and shares of a length of what they move. Rates by that a step.
   double change = 1e-6;
+  /// Places of the controls that are inputs, in Simulation::control_names(); all, where it has no value.
+  std::optional<std::vector<int>> inputs;
+  /// Controls move within the step, as of Simulation::Step(true); B_start is by their values where they start.
+  bool controls_move = false;
+  /// δx' counts from f(x*, u*) and not from x*, so that steps of a run chain: δx_2 = A_1 A_0 δx_0.
+  bool from_end = false;
+  /// What else is differentiated: numbers of the simulation after the step, as many whatever its state; forces of
+  /// contact, sensors, a cost. It is called after every step that is taken here, and is to change nothing. What it throws
+  /// comes through.
+  std::function<VectorX(Simulation&)> outcome;
 };
 
 /// A step x' = f(x, u) of length dt about the state x* and the held controls u* of a simulation:
@@ -21,17 +33,20 @@ struct LinearizeOptions {
 /// free body the same six; world axes. δv: their rates, of rotations the angular velocity. δa: activations of controls
 /// with dynamics. δu: of all controls. δy: of every output six as of a free body.
 struct LinearizedStep {
-  double dt = 0;                         // s
-  std::size_t num_joints = 0;            // joint coordinates of the scene
-  std::vector<std::string> coordinates;  // n names, of δp and of δv: "elbow", "drone.rx", "ball.z"
-  std::vector<std::string> activations;  // k names of controls, of δa
-  std::vector<std::string> inputs;       // m: Simulation::control_names()
-  std::vector<std::string> outputs;      // l: "cup.rx"
-  MatrixX A;                             // N x N, N = 2n + k
-  MatrixX B;                             // N x m
-  VectorX c;                             // N: 0 where the state is at rest
-  MatrixX C;                             // l x N
-  VectorX controls;                      // m: u*
+  double dt = 0;                                  // s
+  std::size_t num_joints = 0;                     // joint coordinates of the scene
+  std::vector<std::string> coordinates;           // n names, of δp and of δv: "elbow", "drone.rx", "ball.z"
+  std::vector<std::string> activations;           // k names of controls, of δa
+  std::vector<std::string> inputs;                // m names of controls
+  std::vector<std::string> outputs;               // l: "cup.rx"
+  MatrixX A;                                      // N x N, N = 2n + k
+  MatrixX B;                                      // N x m
+  MatrixX B_start;                                // N x m where controls move, else empty
+  VectorX c;                                      // N: 0 where the state is at rest
+  MatrixX C;                                      // l x N
+  VectorX outcome;                                // o, of the step from x* with u*, and its derivatives
+  MatrixX outcome_A, outcome_B, outcome_B_start;  // o x N, o x m, o x m
+  VectorX controls;                               // m: u*
   /// Shares by which differences to both sides of a column of A and B differ from each other: those that do by more
   /// than 0.01 stand on a switch, where a contact or stop opens, friction begins to slide, or a force meets its bound,
   /// and their column is the mean of two.
@@ -66,10 +81,10 @@ struct LinearizedStep {
   std::vector<Reference> mechanisms, free_bodies;
 };
 
-/// By central differences of whole steps: 2 N + 2 m + 3 steps, each solved to rounding.
+/// By central differences of whole steps: 2 N + 2 m + 3 steps, 2 m more where controls move, each solved to rounding.
 /// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
 /// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
-/// are. Errors: kUsage for outputs that there are not, for a change that is not in (0, 0.01],
+/// are. Errors: kUsage for outputs and inputs that there are not, for a change that is not in (0, 0.01],
 /// and while bodies are held by frozen contacts; kNumerics where a step is not solved.
 Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options = {});
 

@@ -108,6 +108,8 @@ class MechanismDynamics {
   /// All that the next step depends on, into `out`; does not allocate where `out` has its sizes. Between
   /// steps.
   void Save(MechanismState& out) const { out = state_; }
+  /// To what loops are closed from the next pose on [rad and m]; kClosingTolerance unless set. Not of the state.
+  void SetClosingTolerance(double tolerance);
   /// Puts back what Save gave, here or of another that was created the same way.
   void Restore(const MechanismState& saved);
 

@@ -13,10 +13,10 @@ OneByOne::OneByOne(const ReducedModel& model, double closed) {
 
 std::vector<RigidTransform> OneByOne::Recover(const VectorX& z, LoopClosing& closing) const {
   Configuration at(*model_);
-  at.closed = std::min(at.closed, closed_);
+  at.closing_tolerance = std::min(at.closing_tolerance, closed_);
   ConfigurePose(*model_, {z, {}, {}}, at);
   ++closing.one_by_one;
-  if (!(at.c.cwiseAbs().maxCoeff() < at.closed)) ++closing.open;
+  if (!(at.c.cwiseAbs().maxCoeff() < at.closing_tolerance)) ++closing.open;
   return at.kinematics.X_RB;
 }
 
