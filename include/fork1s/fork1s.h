@@ -26,9 +26,9 @@
 extern "C" {
 #endif
 
-/* Version of this interface. It counts up by one with every function or constant that is added; what is here stays as
- * it is within libfork1s_c.so.1. */
-#define FORK1S_C_VERSION 1
+/* Version of this interface. It counts up by one with every function or constant that is added, which says since which
+ * version it is here; what is here stays as it is within libfork1s_c.so.1. */
+#define FORK1S_C_VERSION 3
 
 /* FORK1S_C_VERSION of the library that is loaded: at least that of the header is needed. */
 int32_t fork1s_version(void);
@@ -242,6 +242,25 @@ fork1s_status fork1s_simulation_num_contacts(const fork1s_simulation* simulation
 /* Into the first `*count` of an array of `length`, which is refused where it is shorter than that. */
 fork1s_status fork1s_simulation_contacts(const fork1s_simulation* simulation, fork1s_contact* contacts,
                                          size_t length, int32_t* count);
+/* Friction use of each contact, in the order of fork1s_simulation_contacts: |f_t| / (mu f_n) of its force, 1 where it
+ * slides, 0 without friction. length: the number of contacts. Since version 2. */
+fork1s_status fork1s_simulation_friction_uses(const fork1s_simulation* simulation, double* uses,
+                                              size_t length);
+
+/* Where a ray meets a body. */
+typedef struct fork1s_ray_hit {
+  int32_t body;    /* -1: the still world */
+  double distance; /* m, from the origin of the ray */
+  double point[3];
+  double normal[3]; /* unit, of the surface, towards where the ray came from */
+} fork1s_ray_hit;
+/* The first body along `direction`, of any length above 0, from `origin`, no farther than `reach` in m, which may be
+ * INFINITY. `found`: 1, or 0 where there is none, which leaves `hit` as it was. All bodies are seen, by the shapes that
+ * collide, or by all of a body that has none of these; meshes are their convex hulls. An origin within a shape may see
+ * that shape from inside or not at all. Since version 3. */
+fork1s_status fork1s_simulation_ray(const fork1s_simulation* simulation, const double origin[3],
+                                    const double direction[3], double reach, int32_t* found,
+                                    fork1s_ray_hit* hit);
 
 /* A moment to come back to: state, controls, pushes of the next call and time. Steps from there give the same bits. */
 fork1s_status fork1s_simulation_save(const fork1s_simulation* simulation, fork1s_snapshot** snapshot);

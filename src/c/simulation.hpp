@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
@@ -50,6 +51,7 @@ struct Run {
   double time_before = 0;                  // s, of simulations that a state set took the place of
   double state_change = 0;                 // rad or m
   mutable std::optional<Sensors> sensors;  // as they were evaluated last
+  mutable std::optional<RayCaster> rays;   // once one was cast
   Moment start;                            // as it was made
 
   double time() const { return time_before + simulation.time(); }

@@ -1,7 +1,9 @@
 // State of joints, sensors, contacts and moments to come back to.
 #include <algorithm>
+#include <cmath>
 #include <fork1s/importer/file_state.hpp>
 #include <fork1s/sim/queries.hpp>
+#include <fork1s/sim/run_statistics.hpp>
 #include <span>
 #include <sstream>
 #include <utility>
@@ -241,6 +243,40 @@ fork1s_status fork1s_simulation_contacts(const fork1s_simulation* simulation, fo
     if (!all.empty()) RequireGiven(contacts, "contacts");
     std::transform(all.begin(), all.end(), contacts, ToRow);
     *count = static_cast<int32_t>(all.size());
+  });
+}
+
+fork1s_status fork1s_simulation_friction_uses(const fork1s_simulation* simulation, double* uses,
+                                              size_t length) {
+  return GuardRun(__func__, simulation, [&](const Run& run) {
+    const auto all = fork1s::Contacts(run.simulation);
+    RequireLength(uses, length, all.size(), "uses");
+    std::transform(all.begin(), all.end(), uses, [](const fork1s::BodyContact& c) {
+      return fork1s::ContactLoad::OfContact(c.force_W, c.normal_W, c.friction).FrictionUse();
+    });
+  });
+}
+
+fork1s_status fork1s_simulation_ray(const fork1s_simulation* simulation, const double origin[3],
+                                    const double direction[3], double reach, int32_t* found,
+                                    fork1s_ray_hit* hit) {
+  return GuardRun(__func__, simulation, [&](const Run& run) {
+    RequireGiven(origin, "origin");
+    RequireGiven(direction, "direction");
+    RequireGiven(found, "found");
+    RequireGiven(hit, "hit");
+    const fork1s::Vector3 from = ReadVector(origin, "origin"), along = ReadVector(direction, "direction");
+    if (!(along.norm() > 0) || !std::isfinite(along.norm()))
+      Misuse("direction must not be zero, nor so long that its square is infinite");
+    if (!(reach >= 0)) Misuse("reach must be 0 m or more");
+    if (!run.rays) run.rays = ValueOrThrow(fork1s::RayCaster::Create(run.simulation), run.model->origin);
+    const auto met = run.rays->Cast(run.simulation, from, along, reach);
+    *found = met ? 1 : 0;
+    if (!met) return;
+    hit->body = met->body;
+    hit->distance = met->distance;
+    Eigen::Map<fork1s::Vector3>(hit->point) = met->point_W;
+    Eigen::Map<fork1s::Vector3>(hit->normal) = met->normal_W;
   });
 }
 

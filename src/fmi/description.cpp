@@ -157,10 +157,10 @@ std::string WriteDescription(const DescriptionText& text, const VariableList& va
   xml.With("canHandleVariableCommunicationStepSize", true);
   if (is_2) {
     xml.With("canInterpolateInputs", true).With("canGetAndSetFMUstate", true);
-    xml.With("canSerializeFMUstate", kCanSerialize);
+    xml.With("canSerializeFMUstate", true);
   } else {
     xml.With("fixedInternalStepSize", text.dt).With("canGetAndSetFMUState", true);
-    xml.With("canSerializeFMUState", kCanSerialize);
+    xml.With("canSerializeFMUState", true);
   }
   xml.Close();
   AddUnits(xml);

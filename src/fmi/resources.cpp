@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "array_bytes.hpp"
 #include "record/scene_json.hpp"
 
 namespace fork1s::fmi {
@@ -20,64 +21,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char *kScene = "scene.json", *kArrays = "arrays.bin", *kOptions = "options.json",
                      *kUnit = "unit.json";
-
-// Numbers as this machine has them; archives are for one kind of machine.
-class ArrayWriter {
- public:
-  std::string bytes;
-
-  void Count(std::size_t count) { Number(static_cast<std::uint64_t>(count)); }
-  template <class T>
-  void Number(T value) {
-    bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-  }
-  void Text(const std::string& text) {
-    Count(text.size());
-    bytes += text;
-  }
-  template <class T>
-  void List(const std::vector<T>& list) {
-    Count(list.size());
-    if (!list.empty()) bytes.append(reinterpret_cast<const char*>(list.data()), list.size() * sizeof(T));
-  }
-};
-
-class ArrayReader {
- public:
-  explicit ArrayReader(const std::string& bytes) : bytes_(bytes) {}
-
-  // `size`: of an element. Throws where there are fewer bytes.
-  std::size_t Count(std::size_t size = 1) {
-    const auto count = Number<std::uint64_t>();
-    if (count > (bytes_.size() - at_) / size) throw std::runtime_error("it ends early");
-    return static_cast<std::size_t>(count);
-  }
-  template <class T>
-  T Number() {
-    if (bytes_.size() - at_ < sizeof(T)) throw std::runtime_error("it ends early");
-    T value;
-    std::memcpy(&value, bytes_.data() + at_, sizeof value);
-    at_ += sizeof value;
-    return value;
-  }
-  std::string Text() {
-    const std::size_t count = Count();
-    std::string text = bytes_.substr(at_, count);
-    at_ += count;
-    return text;
-  }
-  template <class T>
-  void List(std::vector<T>& list) {
-    list.resize(Count(sizeof(T)));
-    if (!list.empty())
-      std::memcpy(static_cast<void*>(list.data()), bytes_.data() + at_, list.size() * sizeof(T));
-    at_ += list.size() * sizeof(T);
-  }
-
- private:
-  const std::string& bytes_;
-  std::size_t at_ = 0;
-};
 
 std::string WriteArrays(const ModelText& text) {
   ArrayWriter out;

@@ -12,9 +12,6 @@ namespace fork1s::fmi {
 
 enum class Causality { kIndependent, kConstant, kInput, kOutput };
 
-/// Whether states of an instance become bytes.
-inline constexpr bool kCanSerialize = false;
-
 struct Variable {
   std::string name;  // by the structured naming of FMI
   Causality causality = Causality::kOutput;

@@ -7,15 +7,17 @@
 
 #include "instance.hpp"
 
+using fork1s::fmu::CountStateBytes;
 using fork1s::fmu::FreeState;
 using fork1s::fmu::GuardCall;
 using fork1s::fmu::Instance;
-using fork1s::fmu::kNoBytes;
 using fork1s::fmu::Misuse;
+using fork1s::fmu::ReadStateBytes;
 using fork1s::fmu::RequireGiven;
 using fork1s::fmu::RestoreState;
 using fork1s::fmu::SaveState;
 using fork1s::fmu::Status;
+using fork1s::fmu::WriteStateBytes;
 
 namespace {
 
@@ -204,14 +206,18 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate* state) {
   return Call(c, __func__, [&](Instance&) { FreeState(state); });
 }
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate, size_t*) {
-  return Refuse(c, __func__, kNoBytes);
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t* size) {
+  return Call(c, __func__, [&](Instance& unit) {
+    RequireGiven(size, "size");
+    *size = CountStateBytes(unit, state);
+  });
 }
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate, fmi2Byte[], size_t) {
-  return Refuse(c, __func__, kNoBytes);
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte serialized[], size_t size) {
+  return Call(c, __func__, [&](Instance& unit) { WriteStateBytes(unit, state, serialized, size); });
 }
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte[], size_t, fmi2FMUstate*) {
-  return Refuse(c, __func__, kNoBytes);
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serialized[], size_t size,
+                                   fmi2FMUstate* state) {
+  return Call(c, __func__, [&](Instance& unit) { ReadStateBytes(unit, serialized, size, state); });
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference[], size_t,

@@ -7,15 +7,17 @@
 
 #include "instance.hpp"
 
+using fork1s::fmu::CountStateBytes;
 using fork1s::fmu::FreeState;
 using fork1s::fmu::GuardCall;
 using fork1s::fmu::Instance;
-using fork1s::fmu::kNoBytes;
 using fork1s::fmu::Misuse;
+using fork1s::fmu::ReadStateBytes;
 using fork1s::fmu::RequireGiven;
 using fork1s::fmu::RestoreState;
 using fork1s::fmu::SaveState;
 using fork1s::fmu::Status;
+using fork1s::fmu::WriteStateBytes;
 
 namespace {
 
@@ -222,14 +224,19 @@ fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
 fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState* state) {
   return Call(instance, __func__, [&](Instance&) { FreeState(state); });
 }
-fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState, size_t*) {
-  return Refuse(instance, __func__, kNoBytes);
+fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t* size) {
+  return Call(instance, __func__, [&](Instance& unit) {
+    RequireGiven(size, "size");
+    *size = CountStateBytes(unit, state);
+  });
 }
-fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState, fmi3Byte[], size_t) {
-  return Refuse(instance, __func__, kNoBytes);
+fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte serialized[],
+                                 size_t size) {
+  return Call(instance, __func__, [&](Instance& unit) { WriteStateBytes(unit, state, serialized, size); });
 }
-fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte[], size_t, fmi3FMUState*) {
-  return Refuse(instance, __func__, kNoBytes);
+fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serialized[], size_t size,
+                                   fmi3FMUState* state) {
+  return Call(instance, __func__, [&](Instance& unit) { ReadStateBytes(unit, serialized, size, state); });
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference[], size_t,

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "fmi/resources.hpp"
+#include "sim/step_totals.hpp"
 
 namespace fork1s::fmu {
 namespace {
@@ -70,7 +71,7 @@ Instance Instance::Read(const std::string& resources, const std::string& token, 
                      Join("names body ", body, " of ", simulation.bodies().size(),
                           "; unpack the archive of the unit again")}};
   fmi::VariableList variables = fmi::ListVariables(simulation, joints, model.bodies);
-  return {std::move(variables), std::move(joints), std::move(simulation), std::move(log)};
+  return {own, std::move(variables), std::move(joints), std::move(simulation), std::move(log)};
 }
 
 Instance::Instance(const std::string& resources, const std::string& token, Log log)
@@ -79,8 +80,10 @@ Instance::Instance(const std::string& resources, const std::string& token, Log l
   start_ = Save();
 }
 
-Instance::Instance(fmi::VariableList variables, std::vector<FileJoint> joints, Simulation simulation, Log log)
-    : variables_(std::move(variables)),
+Instance::Instance(std::string token, fmi::VariableList variables, std::vector<FileJoint> joints,
+                   Simulation simulation, Log log)
+    : token_(std::move(token)),
+      variables_(std::move(variables)),
       joints_(std::move(joints)),
       simulation_(std::move(simulation)),
       log_(std::move(log)),
@@ -221,9 +224,16 @@ void Instance::Step(double point, double size) {
   }
   SetControls(static_cast<double>(steps) * dt);
   ClearOutputs();
-  report_ = internal::RunSteps(simulation_, steps, moves, [&](int i) { ApplyWrenches(i); });
+  const internal::StepTotals totals =
+      internal::RunSteps(simulation_, steps, moves, [&](int i) { ApplyWrenches(i); });
+  report_ = {static_cast<double>(totals.contacts),
+             totals.max_penetration,
+             totals.residual,
+             totals.stage_residual,
+             static_cast<double>(totals.unconverged),
+             static_cast<double>(totals.halved)};
   std::fill(derivatives_.begin(), derivatives_.end(), 0);
-  if (report_.finite) return;
+  if (totals.finite) return;
   throw Refused{
       {ErrorCode::kNumerics, Join("step at ", time(), " s"),
        "could not be solved even in its shortest parts and was undone; export the model with a smaller "
@@ -241,9 +251,13 @@ std::unique_ptr<Instance::State> Instance::Save() const {
   return state;
 }
 
-void Instance::Restore(const State& state) {
-  if (state.inputs.size() != values_.size())
+void Instance::RequireOwn(const State& state) const {
+  if (state.inputs.size() != values_.size() || state.derivatives.size() != values_.size())
     Misuse("the state is of another unit; set one of an instance of this");
+}
+
+void Instance::Restore(const State& state) {
+  RequireOwn(state);
   ValueOrThrow(simulation_.Restore(state.simulation));
   phase_ = state.phase;
   start_time_ = state.start_time;
@@ -296,13 +310,7 @@ void Instance::UpdateSensors() {
 }
 
 void Instance::UpdateReport() {
-  const double numbers[fmi::kNumReportVariables] = {static_cast<double>(report_.contacts),
-                                                    report_.max_penetration,
-                                                    report_.residual,
-                                                    report_.stage_residual,
-                                                    static_cast<double>(report_.unconverged),
-                                                    static_cast<double>(report_.halved)};
-  std::copy(numbers, numbers + fmi::kNumReportVariables, values_.data() + variables_.first_report);
+  std::copy(report_.begin(), report_.end(), values_.data() + variables_.first_report);
 }
 
 }  // namespace fork1s::fmu

@@ -1,6 +1,7 @@
 // An instance of a functional mock-up unit, whatever the version of FMI.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <fork1s/sim/sensors.hpp>
@@ -15,7 +16,6 @@
 
 #include "base/refused.hpp"
 #include "fmi/variables.hpp"
-#include "sim/step_totals.hpp"
 
 namespace fork1s::fmu {
 
@@ -52,14 +52,20 @@ class Instance {
   struct State;
   std::unique_ptr<State> Save() const;
   void Restore(const State& state);
+  /// For instances of the same unit and version. Throws Refused.
+  std::string WriteState(const State& state) const;
+  /// Throws Refused; of kUsage or kFormat for bytes of another unit or version, and for damaged ones.
+  std::unique_ptr<State> ReadState(const std::string& bytes) const;
 
   void LogMessage(Status status, const std::string& message) const noexcept;
 
  private:
-  Instance(fmi::VariableList variables, std::vector<FileJoint> joints, Simulation simulation, Log log);
+  Instance(std::string token, fmi::VariableList variables, std::vector<FileJoint> joints,
+           Simulation simulation, Log log);
   static Instance Read(const std::string& resources, const std::string& token, Log log);
   const fmi::Variable& VariableAt(std::uint32_t reference) const;
   void RequireInput(std::uint32_t reference, const char* action) const;
+  void RequireOwn(const State& state) const;
   void SetControls(double size);
   void ApplyWrenches(int step);
   void ClearOutputs();
@@ -68,6 +74,7 @@ class Instance {
   void UpdateSensors();
   void UpdateReport();
 
+  std::string token_;  // of the unit
   fmi::VariableList variables_;
   std::vector<FileJoint> joints_;
   Simulation simulation_;
@@ -78,7 +85,7 @@ class Instance {
   std::vector<double> derivatives_;  // of inputs, in the next communication step
   std::vector<bool> told_beyond_;    // per variable: that it was outside its range
   bool has_bodies_ = false, has_joints_ = false, has_sensors_ = false;  // values_ are those of now
-  internal::StepTotals report_;
+  std::array<double, fmi::kNumReportVariables> report_{};               // of the last communication step
   std::optional<Sensors> sensors_;
   std::unique_ptr<const State> start_;
 };
@@ -89,17 +96,20 @@ struct Instance::State {
   Phase phase = Phase::kInstantiated;
   double start_time = 0;
   std::vector<double> inputs, derivatives;
-  internal::StepTotals report;
+  std::array<double, fmi::kNumReportVariables> report{};
 };
 
 // What the functions of both versions do the same.
-inline constexpr const char* kNoBytes =
-    "states of the unit cannot be written as bytes; its description says so";
 void RequireGiven(const void* pointer, const char* argument);
 /// Into *state, a State or null, which the caller owns.
 void SaveState(const Instance& instance, void** state);
 void RestoreState(Instance& instance, void* state);
 void FreeState(void** state);
+std::size_t CountStateBytes(const Instance& instance, const void* state);
+/// `size`: that of CountStateBytes.
+void WriteStateBytes(const Instance& instance, const void* state, void* place, std::size_t size);
+/// Into *state, a new State, which the caller owns.
+void ReadStateBytes(const Instance& instance, const void* bytes, std::size_t size, void** state);
 
 /// Calls f(), whose exceptions become a status and a sentence of the log; the sentence begins with `function`.
 template <class LogTo, class F>

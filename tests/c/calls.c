@@ -244,6 +244,10 @@ static void test_state(const char* folder) {
   EXPECT(fork1s_simulation_contacts(s, &contact, 1, &count) == FORK1S_OK && count == 0);
   REFUSED(fork1s_simulation_contacts(s, &contact, 1, NULL), "count is NULL");
 
+  EXPECT(fork1s_simulation_friction_uses(s, NULL, 0) == FORK1S_OK);
+  REFUSED(fork1s_simulation_friction_uses(s, two, 2), "uses has length 2 and needs 0");
+  REFUSED(fork1s_simulation_friction_uses(NULL, two, 2), "simulation is NULL");
+
   fork1s_snapshot_free(NULL);
   REFUSED(fork1s_simulation_save(s, NULL), "snapshot is NULL");
   REFUSED(fork1s_simulation_restore(s, NULL), "snapshot is NULL");
@@ -258,11 +262,99 @@ static void test_state(const char* folder) {
   fork1s_snapshot_free(snapshot);
 }
 
+/* A block on a plane, which a horizontal force pushes. */
+static void test_friction(void) {
+  const double weight = 9.81, friction = 0.5;
+  fork1s_model* model = NULL;
+  fork1s_simulation* s = NULL;
+  fork1s_contact contacts[16];
+  double uses[16];
+  int32_t block = -1, count = 0;
+  EXPECT(
+      fork1s_model_load_text(
+          "<mujoco><worldbody><geom type='plane' size='1 1 1' friction='0.5'/><body name='block' pos='0 0 0.05'>"
+          "<freejoint/><geom type='box' size='0.1 0.1 0.05' mass='1' friction='0.5'/></body></worldbody></mujoco>",
+          "block", NULL, &model) == FORK1S_OK);
+  EXPECT(fork1s_simulation_create(model, NULL, &s) == FORK1S_OK);
+  fork1s_model_free(model);
+  EXPECT(fork1s_simulation_step(s, 60, FORK1S_HOLD, NULL) == FORK1S_OK);
+  EXPECT(fork1s_simulation_find_body(s, "block", &block) == FORK1S_OK);
+  /* It stays, then it slides. */
+  for (int slides = 0; slides < 2; ++slides) {
+    const double push = slides ? 2 * friction * weight : 0.4 * friction * weight;
+    const double force[3] = {push, 0, 0};
+    double sum = 0;
+    EXPECT(fork1s_simulation_push(s, block, force, NULL, NULL) == FORK1S_OK);
+    EXPECT(fork1s_simulation_step(s, 30, FORK1S_HOLD, NULL) == FORK1S_OK);
+    EXPECT(fork1s_simulation_contacts(s, contacts, 16, &count) == FORK1S_OK && count > 0);
+    EXPECT(fork1s_simulation_friction_uses(s, uses, (size_t)count) == FORK1S_OK);
+    REFUSED(fork1s_simulation_friction_uses(s, uses, (size_t)count - 1), "uses has length");
+    REFUSED(fork1s_simulation_friction_uses(s, NULL, (size_t)count), "uses is NULL");
+    for (int32_t i = 0; i < count; ++i) {
+      const double normal = fabs(contacts[i].force[2]);
+      const double tangential = uses[i] * friction * normal, *f = contacts[i].force;
+      EXPECT(fabs(tangential * tangential - f[0] * f[0] - f[1] * f[1]) < 1e-9);
+      sum += tangential;
+    }
+    /* To the tolerance of the contact solver. */
+    EXPECT(fabs(sum - (slides ? friction * weight : push)) < 1e-4 * weight);
+  }
+  fork1s_simulation_free(s);
+}
+
+/* Rays onto a ball on a hinge, which moves, and a plane below it. */
+static void test_rays(void) {
+  const double origin[3] = {0, 0, 3}, down[3] = {0, 0, -2}, up[3] = {0, 0, 1}, zero[3] = {0, 0, 0},
+               huge[3] = {1e300, 1e300, 0}, broken[3] = {0, NAN, 0}, turned = 1.5;
+  fork1s_model* model = NULL;
+  fork1s_simulation* s = NULL;
+  fork1s_ray_hit hit = {7, 7, {7, 7, 7}, {7, 7, 7}};
+  int32_t bob = -1, found = -1;
+  EXPECT(
+      fork1s_model_load_text(
+          "<mujoco><worldbody><geom type='plane' size='1 1 1' pos='0 0 -2'/><body name='bob' pos='0 0 1'>"
+          "<joint name='hinge' axis='0 1 0' stiffness='2'/><geom type='sphere' size='0.1' pos='0 0 -0.5' mass='1'/>"
+          "</body></worldbody></mujoco>",
+          "pendulum", NULL, &model) == FORK1S_OK);
+  EXPECT(fork1s_simulation_create(model, NULL, &s) == FORK1S_OK);
+  fork1s_model_free(model);
+  EXPECT(fork1s_simulation_find_body(s, "bob", &bob) == FORK1S_OK);
+  EXPECT(fork1s_simulation_ray(s, origin, up, INFINITY, &found, &hit) == FORK1S_OK && found == 0);
+  EXPECT(fork1s_simulation_ray(s, origin, down, 2.3, &found, &hit) == FORK1S_OK && found == 0);
+  EXPECT(hit.body == 7 && hit.distance == 7 && hit.normal[2] == 7);
+  EXPECT(fork1s_simulation_ray(s, origin, down, 2.5, &found, &hit) == FORK1S_OK && found == 1);
+  EXPECT(hit.body == bob && fabs(hit.distance - 2.4) < 1e-12);
+  EXPECT(fabs(hit.point[2] - 0.6) < 1e-12 && fabs(hit.point[0]) < 1e-12 && fabs(hit.normal[2] - 1) < 1e-12);
+  /* Out of the way. */
+  EXPECT(fork1s_simulation_set_joint_state(s, &turned, 1, NULL, 0) == FORK1S_OK);
+  EXPECT(fork1s_simulation_ray(s, origin, down, INFINITY, &found, &hit) == FORK1S_OK && found == 1);
+  EXPECT(hit.body == -1 && fabs(hit.distance - 5) < 1e-12 && fabs(hit.point[2] + 2) < 1e-12);
+  EXPECT(fork1s_simulation_reset(s) == FORK1S_OK);
+  EXPECT(fork1s_simulation_ray(s, origin, down, INFINITY, &found, &hit) == FORK1S_OK && hit.body == bob);
+
+  hit.body = found = 7;
+  REFUSED(fork1s_simulation_ray(NULL, origin, down, 1, &found, &hit), "simulation is NULL");
+  REFUSED(fork1s_simulation_ray(s, NULL, down, 1, &found, &hit), "origin is NULL");
+  REFUSED(fork1s_simulation_ray(s, origin, NULL, 1, &found, &hit), "direction is NULL");
+  REFUSED(fork1s_simulation_ray(s, origin, down, 1, NULL, &hit), "found is NULL");
+  REFUSED(fork1s_simulation_ray(s, origin, down, 1, &found, NULL), "hit is NULL");
+  REFUSED(fork1s_simulation_ray(s, broken, down, 1, &found, &hit),
+          "origin must be finite, and entry 1 is nan");
+  REFUSED(fork1s_simulation_ray(s, origin, zero, 1, &found, &hit), "direction must not be zero");
+  REFUSED(fork1s_simulation_ray(s, origin, huge, 1, &found, &hit), "nor so long");
+  REFUSED(fork1s_simulation_ray(s, origin, down, -1, &found, &hit), "reach must be 0 m or more");
+  REFUSED(fork1s_simulation_ray(s, origin, down, NAN, &found, &hit), "reach must be 0 m or more");
+  EXPECT(hit.body == 7 && found == 7);
+  fork1s_simulation_free(s);
+}
+
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   test_models(argv[1]);
   test_controls_and_bodies(argv[1]);
   test_state(argv[1]);
+  test_friction();
+  test_rays();
   if (failures > 0) fprintf(stderr, "calls.c: %d failed\n", failures);
   return failures > 0 ? 1 : 0;
 }

@@ -136,6 +136,62 @@ def test_joint_state_and_reset_as_in_python(c: Library, scenes: Path) -> None:
     assert in_c.hash == start
 
 
+def test_friction_uses_as_in_python(c: Library, scenes: Path) -> None:
+    sim = fork1s.Simulation(fork1s.load(scenes / "fourbar_gripper.xml"))
+    in_c = Simulation(c, scenes / "fourbar_gripper.xml")
+    sim.control_values = np.full(2, 0.4)
+    in_c.set_controls(np.full(2, 0.4))
+    sim.step(60)
+    in_c.step(60)
+    uses = in_c.array("friction_uses", in_c.number("num_contacts"))
+    assert len(uses) > 0
+    assert uses.max() > 0
+    np.testing.assert_array_equal(uses, sim.contacts["friction_use"])
+    with pytest.raises(CError, match=f"uses has length 0 and needs {len(uses)}"):
+        in_c.array("friction_uses", 0)
+
+
+class RayHit(ctypes.Structure):
+    """fork1s_ray_hit."""
+
+    _fields_ = (
+        ("body", c_int32),
+        ("distance", c_double),
+        ("point", c_double * 3),
+        ("normal", c_double * 3),
+    )
+
+
+def test_rays_meet_bodies_as_in_python(c: Library, scenes: Path) -> None:
+    sim = fork1s.Simulation(fork1s.load(scenes / "fourbar_gripper.xml"))
+    in_c = Simulation(c, scenes / "fourbar_gripper.xml")
+
+    def ray(origin: list[float], direction: list[float], reach: float) -> RayHit | None:
+        found, hit = c_int32(-1), RayHit()
+        triple = c_double * 3
+        c.simulation_ray(
+            in_c.handle, triple(*origin), triple(*direction), c_double(reach), byref(found), byref(hit)
+        )
+        return hit if found.value else None
+
+    for origin, direction, body in (
+        ([0, 0, 0.05], [0, 0, -3], "cube"),
+        ([0.2, 0, 0.5], [0, 0, -1], "world"),
+        ([-1, 0, 0.1], [1, 0, 0], "left_"),
+    ):
+        ours, theirs = sim.ray(origin, direction), ray(origin, direction, np.inf)
+        assert ours is not None
+        assert theirs is not None
+        assert ours.body.startswith(body)
+        assert ours.body == ("world" if theirs.body < 0 else sim.bodies[theirs.body])
+        assert theirs.distance == ours.distance
+        np.testing.assert_array_equal(theirs.point, ours.point)
+        np.testing.assert_array_equal(theirs.normal, ours.normal)
+    assert ray([0, 0, 0.05], [0, 0, -1], 0.01) is None
+    with pytest.raises(CError, match="direction must not be zero"):
+        ray([0, 0, 0], [0, 0, 0], 1)
+
+
 def test_two_threads_step_two_simulations(c: Library, scenes: Path) -> None:
     sims = [Simulation(c, scenes / "fourbar_gripper.xml") for _ in range(3)]
 

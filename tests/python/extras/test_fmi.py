@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 from collections.abc import Callable
+from ctypes import byref, c_char, c_size_t, c_uint8, c_void_p
 from pathlib import Path
 
 import numpy as np
@@ -303,6 +304,126 @@ def test_state_is_restored_to_the_bit_and_two_instances_are_apart(unit_of) -> No
     assert other.get(control)[0] != 0.3
     unit.fmu.reset()
     np.testing.assert_array_equal(unit.outputs(), other.outputs())
+
+
+def serialized(unit: Unit) -> bytes:
+    """The present state as bytes."""
+    fmu = unit.fmu
+    if unit.is_2:
+        state = fmu.getFMUstate()
+        data = fmu.serializeFMUstate(state)
+        fmu.freeFMUstate(state)
+    else:
+        state = fmu.getFMUState()
+        data = fmu.serializeFMUState(state)
+        fmu.freeFMUState(state)
+    return data
+
+
+def restore(unit: Unit, data: bytes) -> None:
+    """Sets the state that was serialized as `data`."""
+    fmu = unit.fmu
+    if unit.is_2:
+        state = fmu.deSerializeFMUstate(data)
+        fmu.setFMUstate(state)
+        fmu.freeFMUstate(state)
+    else:
+        state = fmu.deserializeFMUState(data)
+        fmu.setFMUState(state)
+        fmu.freeFMUState(state)
+
+
+@pytest.mark.parametrize(
+    ("scene", "options"),
+    [("hand.xml", ("--keyframe", "open")), ("fourbar_gripper.xml", ()), ("quadruped.xml", ())],
+)
+def test_serialized_state_continues_with_the_same_bits_in_a_fresh_instance(
+    unit_of, scene: str, options: tuple
+) -> None:
+    unit, other = unit_of(scene, *options), unit_of(scene, *options, initialize=False)
+    description = unit.description.coSimulation
+    assert description.canSerializeFMUstate
+    controls = [n for n in unit.references if n.startswith("controls.")]
+    force = next(n for n in unit.references if n.endswith(".force[3]"))
+    start = unit.get(*controls)
+    for k in range(20):
+        unit.set(dict(zip(controls, start + 0.02 * k, strict=True)))
+        unit.step(k * DT, DT)
+    # Inputs of the next step are part of the state.
+    unit.set({controls[0]: start[0] + 0.3, force: 0.1})
+    if unit.is_2:
+        unit.fmu.setRealInputDerivatives([unit.references[controls[0]]], [1], [0.2])
+    data = serialized(unit)
+    assert serialized(unit) == data
+    restore(other, data)
+    assert serialized(other) == data
+    np.testing.assert_array_equal(other.get(*unit.references), unit.get(*unit.references))
+    for k in range(20, 50):
+        unit.step(k * DT, DT)
+        other.step(k * DT, DT)
+        np.testing.assert_array_equal(other.outputs(), unit.outputs())
+    assert serialized(other) == serialized(unit) != data
+    unit.close()
+    other.close()
+
+
+def test_damaged_and_foreign_bytes_of_a_state_are_refused(unit_of) -> None:
+    unit = unit_of("fourbar_gripper.xml")
+    for k in range(20):
+        unit.step(k * DT, DT)
+    data, before = serialized(unit), unit.outputs()
+
+    def refused(bad: bytes, sentence: str) -> None:
+        count = len(unit.messages)
+        with pytest.raises(FMICallException, match="error"):
+            restore(unit, bad)
+        assert len(unit.messages) == count + 1
+        assert sentence in unit.messages[-1]
+
+    for size in {0, 1, 20, 60, 100, 150, len(data) // 2, len(data) - 1}:
+        refused(data[:size], "the bytes of the state")
+    refused(data + b"0", "the bytes of the state")
+    for at in range(0, len(data), 1 + len(data) // 97):
+        damaged = bytearray(data)
+        damaged[at] ^= 0x55
+        refused(bytes(damaged), "the state")
+    version = fork1s.__version__.encode()
+    refused(
+        data.replace(version, version[:-1] + b"x", 1),
+        f"written by version {fork1s.__version__[:-1]}x of fork1s, and this is {fork1s.__version__}",
+    )
+    for options in (("--stiffness-scale", "2"), ("--integrator", "euler")):
+        refused(serialized(unit_of("fourbar_gripper.xml", *options)), "the state is of another unit")
+    refused(serialized(unit_of("quadruped.xml")), "the state is of another unit")
+
+    state = (unit.fmu.getFMUstate if unit.is_2 else unit.fmu.getFMUState)()
+    write = unit.fmu.fmi2SerializeFMUstate if unit.is_2 else unit.fmu.fmi3SerializeFMUState
+    byte = c_char if unit.is_2 else c_uint8
+    for size in (len(data) - 1, len(data) + 1):
+        place = (byte * size)()
+        with pytest.raises(FMICallException, match="error"):
+            write(unit.fmu.component, state, place, size)
+        assert f"has {size} bytes and needs {len(data)}" in unit.messages[-1]
+        assert bytes(place) == bytes(size)
+    for name, arguments in (
+        ("SerializedFMUstateSize", (None, byref(c_size_t()))),
+        ("SerializeFMUstate", (None, (byte * 8)(), 8)),
+        ("SerializeFMUstate", (state, None, len(data))),
+        ("DeSerializeFMUstate", (None, 8, byref(c_void_p()))),
+        ("DeSerializeFMUstate", ((byte * len(data))(*data), len(data), None)),
+    ):
+        if not unit.is_2:
+            name = name.replace("FMUstate", "FMUState").replace("DeS", "Des")
+        with pytest.raises(FMICallException, match="error"):
+            getattr(unit.fmu, ("fmi2" if unit.is_2 else "fmi3") + name)(unit.fmu.component, *arguments)
+        assert "is NULL" in unit.messages[-1]
+    (unit.fmu.freeFMUstate if unit.is_2 else unit.fmu.freeFMUState)(state)
+
+    np.testing.assert_array_equal(unit.outputs(), before)
+    assert serialized(unit) == data
+    restore(unit, data)
+    unit.step(20 * DT, DT)
+    unit.close()
 
 
 def test_force_at_the_centre_of_mass_gives_its_impulse(tmp_path: Path, fmi: str) -> None:
