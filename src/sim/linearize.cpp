@@ -1,18 +1,17 @@
-#include <fork1s/sim/linearize.hpp>
+#include "linearization.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
 #include <numeric>
-#include <optional>
 #include <utility>
 
 #include "linalg/null_space.hpp"
 #include "linalg/select.hpp"
 #include "linalg/solve.hpp"
-#include "solved_to_rounding.hpp"
 
 namespace fork1s {
 namespace {
@@ -148,295 +147,21 @@ VectorX DeviationFrom(const std::vector<Reference>& mechanisms, const std::vecto
   return dx;
 }
 
-class Linearizer {
- public:
-  Linearizer(Simulation& simulation, const LinearizeOptions& options)
-      : simulation_(simulation),
-        options_(options),
-        refreshes_(simulation.step_options().refresh),
-        start_(simulation.Save()) {
-    simulation.step_options().refresh = false;
-    solved_.emplace(simulation);
-  }
-  ~Linearizer() {
-    solved_.reset();
-    simulation_.step_options().refresh = refreshes_;
-    Restore(start_);
-  }
-  Linearizer(const Linearizer&) = delete;
-  Linearizer& operator=(const Linearizer&) = delete;
-
-  Expected<LinearizedStep> Linearize() {
-    List();
-    const auto n = static_cast<Eigen::Index>(out_.coordinates.size()), size = change_.size(),
-               m = static_cast<Eigen::Index>(inputs_.size());
-    Begin begin{VectorX::Zero(size), start_.controls, start_.last_controls};
-    if (auto at = Step(begin); at)
-      at_rest_ = std::move(*at);
-    else
-      return tl::unexpected(at.error());
-    out_.c = at_rest_.dx;
-    out_.outcome = at_rest_.outcome;
-    const Eigen::Index outcomes = out_.outcome.size(), m_start = options_.controls_move ? m : 0;
-    out_.A.resize(size, size);
-    out_.B.resize(size, m);
-    out_.B_start.resize(size, m_start);
-    out_.outcome_A.resize(outcomes, size);
-    out_.outcome_B.resize(outcomes, m);
-    out_.outcome_B_start.resize(outcomes, m_start);
-    out_.C.resize(static_cast<Eigen::Index>(out_.outputs.size()), size);
-    for (Eigen::Index k = 0; k < size; ++k) {
-      const auto done =
-          Differentiate(begin, begin.dx(k), change_(k), NameOf(k), out_.A.col(k), out_.outcome_A.col(k));
-      if (!done) return tl::unexpected(done.error());
-      out_.C.col(k).setZero();
-      if (k < n && !options_.outputs.empty()) DifferentiateOutputs(k, out_.C.col(k));
-    }
-    for (Eigen::Index k = 0; k < m; ++k) {
-      const auto& name = out_.inputs[static_cast<std::size_t>(k)];
-      const auto done = Differentiate(begin, begin.controls(InputAt(k)), ControlChange(k), name,
-                                      out_.B.col(k), out_.outcome_B.col(k));
-      if (!done) return tl::unexpected(done.error());
-    }
-    for (Eigen::Index k = 0; k < m_start; ++k) {
-      const auto name = "start of " + out_.inputs[static_cast<std::size_t>(k)];
-      const auto done = Differentiate(begin, begin.start_controls(InputAt(k)), ControlChange(k), name,
-                                      out_.B_start.col(k), out_.outcome_B_start.col(k));
-      if (!done) return tl::unexpected(done.error());
-    }
-    if (auto done = Check(begin); !done) return tl::unexpected(done.error());
-    return std::move(out_);
-  }
-
- private:
-  // A step: beside the state by dx, with controls that end and start at these.
-  struct Begin {
-    VectorX dx, controls, start_controls;
+// The contact of the same two shapes that is nearest; none where they do not touch.
+const ContactRecord* FindContact(const ContactRecord& like, const std::vector<ContactRecord>& among) {
+  const auto key = [](const ContactPoint& p) {
+    return std::array{p.body_a, p.body_b, p.geometry_a, p.geometry_b};
   };
-  struct End {
-    VectorX dx, outcome;
-    StepReport report;
-  };
-
-  int InputAt(Eigen::Index k) const { return inputs_[static_cast<std::size_t>(k)]; }
-  std::string NameOf(Eigen::Index k) const {
-    const auto n = out_.coordinates.size(), i = static_cast<std::size_t>(k);
-    if (i < n) return out_.coordinates[i];
-    return i < 2 * n ? "rate of " + out_.coordinates[i - n] : "activation of " + out_.activations[i - 2 * n];
+  const ContactRecord* nearest = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const ContactRecord& c : among) {
+    const double distance = (c.point.point - like.point.point).squaredNorm();
+    if (key(c.point) != key(like.point) || distance >= least) continue;
+    nearest = &c;
+    least = distance;
   }
-
-  struct State {
-    std::vector<Reference> mechanisms, free_bodies;
-  };
-  State StateOf() const {
-    State out;
-    for (const MechanismDynamics& m : simulation_.world().mechanisms())
-      out.mechanisms.push_back(ReferenceOf(m));
-    for (const FreeBody& body : simulation_.world().free_bodies())
-      out.free_bodies.push_back(ReferenceOf(body));
-    return out;
-  }
-
-  // Names, references and by how much each coordinate is moved.
-  void List() {
-    std::vector<double> changes, of_activations;
-    const std::vector<std::string> names = simulation_.CoordinateNames();
-    out_.num_joints = names.size();
-    std::size_t first = 0;
-    for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
-      const Reference& reference = out_.mechanisms.emplace_back(ReferenceOf(m));
-      const auto joints = static_cast<Eigen::Index>(reference.joints.size());
-      inverses_.push_back(SolveSquare(Rows(MatrixX(m.configuration().Q_now), reference.joints),
-                                      MatrixX::Identity(joints, joints)));
-      for (const int i : reference.joints) {
-        out_.coordinates.push_back(names[first + static_cast<std::size_t>(i)]);
-        changes.push_back(std::sqrt(m.model().h_inverse(i)));
-      }
-      first += static_cast<std::size_t>(m.mechanism().num_coordinates());
-      for (std::size_t k = 0; k < reference.controls.size(); ++k) {
-        out_.activations.push_back(
-            m.mechanism().controls()[static_cast<std::size_t>(reference.controls[k])].name);
-        of_activations.push_back(std::max(1.0, std::abs(reference.activation(static_cast<Eigen::Index>(k)))));
-      }
-      if (reference.has_base) Append(m.mechanism().bodies()[0].name, m.mechanism().length_scale(), changes);
-    }
-    for (const FreeBody& body : simulation_.world().free_bodies()) {
-      out_.free_bodies.push_back(ReferenceOf(body));
-      Append(body.name(), std::sqrt(body.inertia().rotational.trace() / body.inertia().mass), changes);
-    }
-    for (const int body : options_.outputs)
-      NameSix(simulation_.bodies()[static_cast<std::size_t>(body)].name, out_.outputs);
-    const auto n = static_cast<Eigen::Index>(changes.size()),
-               k = static_cast<Eigen::Index>(of_activations.size());
-    out_.dt = simulation_.dt();
-    change_.resize(2 * n + k);
-    change_.head(n) = options_.change * Eigen::Map<const VectorX>(changes.data(), n);
-    change_.segment(n, n) = change_.head(n) / out_.dt;
-    change_.tail(k) = options_.change * Eigen::Map<const VectorX>(of_activations.data(), k);
-    const std::vector<std::string>& controls = simulation_.control_names();
-    if (options_.inputs) {
-      inputs_ = *options_.inputs;
-    } else {
-      inputs_.resize(controls.size());
-      std::iota(inputs_.begin(), inputs_.end(), 0);
-    }
-    for (const int i : inputs_) out_.inputs.push_back(controls[static_cast<std::size_t>(i)]);
-    out_.controls = start_.controls;
-  }
-  void Append(const std::string& name, double length, std::vector<double>& changes) {
-    NameSix(name, out_.coordinates);
-    for (int i = 0; i < 6; ++i) changes.push_back(i < 3 ? 1 : length);
-  }
-
-  void MoveTo(const Begin& begin) {
-    const VectorX& dx = begin.dx;
-    moved_ = start_;
-    moved_.controls = begin.controls;
-    moved_.last_controls = begin.start_controls;
-    const auto n = static_cast<Eigen::Index>(out_.coordinates.size());
-    Eigen::Index at = 0, activation = 2 * n;
-    const auto part = [&](const Reference& of) {
-      const Eigen::Index first = std::exchange(at, at + SizeOf(of));
-      return std::pair<VectorX, VectorX>(dx.segment(first, at - first), dx.segment(n + first, at - first));
-    };
-    for (std::size_t i = 0; i < out_.mechanisms.size(); ++i) {
-      const auto [p, v] = part(out_.mechanisms[i]);
-      const auto k = static_cast<Eigen::Index>(out_.mechanisms[i].controls.size());
-      Move(out_.mechanisms[i], inverses_[i], p, v, dx.segment(activation, k), moved_.world.mechanisms[i]);
-      activation += k;
-    }
-    for (std::size_t i = 0; i < out_.free_bodies.size(); ++i) {
-      const auto [p, v] = part(out_.free_bodies[i]);
-      Move(out_.free_bodies[i], simulation_.world().free_bodies()[i], p, v, moved_.world.free_bodies[i]);
-    }
-    Restore(moved_);
-  }
-  void Restore(const Simulation::Snapshot& moment) {
-    const auto done = simulation_.Restore(moment);
-    FORK1S_REQUIRE(done.has_value(), "what was saved here fits");
-  }
-
-  Expected<End> Step(const Begin& begin) {
-    MoveTo(begin);
-    End end;
-    end.report = simulation_.Step(options_.controls_move);
-    if (!end.report.finite || !end.report.stages_converged)
-      return Fail(
-          ErrorCode::kNumerics, "linearization",
-          fmt::format("a step near this state is not solved ({}); shorten the time step or choose another "
-                      "state",
-                      simulation_.world().NameOf(end.report.stage_residual_of)));
-    if (!counts_from_)
-      counts_from_ = options_.from_end ? StateOf() : State{out_.mechanisms, out_.free_bodies};
-    end.dx = DeviationFrom(counts_from_->mechanisms, counts_from_->free_bodies, simulation_);
-    if (options_.outcome) end.outcome = options_.outcome(simulation_);
-    FORK1S_REQUIRE(out_.outcome.size() == 0 || end.outcome.size() == out_.outcome.size(), "an outcome of",
-                   end.outcome.size(), "numbers after one of", out_.outcome.size(),
-                   "; give as many in every state");
-    return end;
-  }
-
-  // Columns <- derivatives by `value`, an entry of `begin`, which is put back.
-  Expected<void> Differentiate(const Begin& begin, double& value, double change, const std::string& name,
-                               Eigen::Ref<VectorX> next, Eigen::Ref<VectorX> outcome) {
-    const double at = value;
-    End ends[2];
-    for (int side = 0; side < 2; ++side) {
-      value = at + (side == 0 ? change : -change);
-      auto end = Step(begin);
-      value = at;
-      if (!end) return tl::unexpected(end.error());
-      ends[side] = std::move(*end);
-    }
-    next = (ends[0].dx - ends[1].dx) / (2 * change);
-    outcome = (ends[0].outcome - ends[1].outcome) / (2 * change);
-    // What rounding leaves is no switch.
-    const double bent = Size(ends[0].dx - 2 * out_.c + ends[1].dx), moved = Size(ends[0].dx - ends[1].dx);
-    if (bent > kSwitch * std::max(moved, kSwitch))
-      out_.switches.push_back(
-          {name, bent / std::max(moved, kSwitch), WhatSwitched(ends[0].report, ends[1].report)});
-    return {};
-  }
-
-  double ControlChange(Eigen::Index k) const {
-    return options_.change * std::max(1.0, std::abs(start_.controls(InputAt(k))));
-  }
-
-  // `difference`: along the direction in which all coordinates and inputs change, by turns to either side.
-  Expected<void> Check(const Begin& begin) {
-    if (!out_.switches.empty()) {
-      out_.difference = std::numeric_limits<double>::quiet_NaN();
-      return {};
-    }
-    const auto m = static_cast<Eigen::Index>(inputs_.size());
-    VectorX dx = change_, du(m), du_start = VectorX::Zero(out_.B_start.cols());
-    for (Eigen::Index k = 0; k < m; ++k) du(k) = ControlChange(k);
-    if (options_.controls_move) du_start = du;
-    for (VectorX* d : {&dx, &du, &du_start})
-      for (Eigen::Index k = 1; k < d->size(); k += 2) (*d)(k) *= -1;
-    VectorX next[2];
-    for (int side = 0; side < 2; ++side) {
-      const double sign = side == 0 ? 1 : -1;
-      Begin moved = begin;
-      moved.dx += sign * dx;
-      for (Eigen::Index k = 0; k < m; ++k) moved.controls(InputAt(k)) += sign * du(k);
-      for (Eigen::Index k = 0; k < du_start.size(); ++k)
-        moved.start_controls(InputAt(k)) += sign * du_start(k);
-      const auto end = Step(moved);
-      if (!end) return tl::unexpected(end.error());
-      next[side] = end->dx;
-    }
-    const VectorX told = out_.A * dx + out_.B * du + out_.B_start * du_start;
-    out_.difference = Size(0.5 * (next[0] - next[1]) - told) / std::max(Size(told), 1.0);
-    return {};
-  }
-
-  // In units of the changes.
-  double Size(const VectorX& dx) const { return dx.cwiseQuotient(change_).lpNorm<Eigen::Infinity>(); }
-
-  std::string WhatSwitched(const StepReport& plus, const StepReport& minus) const {
-    const std::pair<const char*, int (*)(const StepReport&)> counts[] = {
-        {"contacts that bear", [](const StepReport& r) { return r.solver.active; }},
-        {"contacts that slide", [](const StepReport& r) { return r.solver.sliding; }},
-        {"joint limits that act", [](const StepReport& r) { return r.limits; }},
-        {"forces at their bound", [](const StepReport& r) { return r.forces_at_bound; }},
-        {"shorter steps", [](const StepReport& r) { return r.parts; }}};
-    std::string out;
-    for (const auto& [what, count] : counts) {
-      const int here = count(at_rest_.report), up = count(plus), down = count(minus);
-      if (here == up && here == down) continue;
-      out += fmt::format("{}{}: {}, with changes to both sides {} and {}", out.empty() ? "" : "; ", what,
-                         here, up, down);
-    }
-    return out;
-  }
-
-  void DifferentiateOutputs(Eigen::Index k, Eigen::Ref<VectorX> column) {
-    std::vector<RigidTransform> X[2];
-    for (int side = 0; side < 2; ++side) {
-      Begin begin{VectorX::Zero(change_.size()), start_.controls, start_.last_controls};
-      begin.dx(k) = side == 0 ? change_(k) : -change_(k);
-      MoveTo(begin);
-      for (const int body : options_.outputs) X[side].push_back(simulation_.Pose(body));
-    }
-    for (std::size_t i = 0; i < X[0].size(); ++i)
-      column.segment<6>(static_cast<Eigen::Index>(6 * i)) = PoseDeviation(X[0][i], X[1][i]);
-    column /= 2 * change_(k);
-  }
-
-  Simulation& simulation_;
-  const LinearizeOptions& options_;
-  const bool refreshes_;
-  const Simulation::Snapshot start_;
-  std::optional<SolvedToRounding> solved_;
-  Simulation::Snapshot moved_;
-  std::vector<MatrixX> inverses_;  // per mechanism, as of Move
-  LinearizedStep out_;
-  std::optional<State> counts_from_;  // what deviations after a step count from
-  End at_rest_;                       // of the step that is not moved
-  std::vector<int> inputs_;           // m, controls
-  VectorX change_;                    // N
-};
+  return nearest;
+}
 
 }  // namespace
 
@@ -451,24 +176,375 @@ VectorX LinearizedStep::Deviation(const Simulation& simulation) const {
   return DeviationFrom(mechanisms, free_bodies, simulation);
 }
 
-Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options) {
+namespace internal {
+
+Linearization::Linearization(Simulation& simulation, LinearizeOptions options)
+    : simulation_(simulation),
+      options_(std::move(options)),
+      given_(simulation.step_options()),
+      start_(simulation.Save()) {
+  simulation.step_options().refresh = false;
+  simulation.step_options().newton_tolerance = kToRounding;
+  ListCoordinates();
+  ListForces();
+  ListInputs();
+}
+
+Linearization::~Linearization() {
+  simulation_.step_options() = given_;
+  Restore(start_);
+}
+
+Expected<std::unique_ptr<Linearization>> Linearization::Begin(Simulation& simulation,
+                                                              LinearizeOptions options) {
   const auto refuse = [](const std::string& what) { return Fail(ErrorCode::kUsage, "linearization", what); };
   if (!(options.change > 0 && options.change <= kLargestChange))
     return refuse(fmt::format("change = {}; give a number above 0 and up to 0.01", options.change));
+  const auto bodies = static_cast<int>(simulation.bodies().size()),
+             controls = static_cast<int>(simulation.control_names().size());
   for (const int body : options.outputs)
-    if (body < 0 || body >= static_cast<int>(simulation.bodies().size()))
-      return refuse(
-          fmt::format("there is no body {}; bodies are 0 to {}", body, simulation.bodies().size() - 1));
+    if (body < 0 || body >= bodies)
+      return refuse(fmt::format("there is no body {}; bodies are 0 to {}", body, bodies - 1));
+  if (!options.inputs) {
+    options.inputs.emplace(static_cast<std::size_t>(controls));
+    std::iota(options.inputs->begin(), options.inputs->end(), 0);
+  }
+  for (const int input : *options.inputs)
+    if (input < 0 || input >= controls)
+      return refuse(fmt::format("there is no control {}; controls are 0 to {}", input, controls - 1));
   if (!simulation.frozen_grasps().empty())
     return refuse("bodies are held by frozen contacts; let them go by another level of detail");
+  std::unique_ptr<Linearization> out(new Linearization(simulation, std::move(options)));
+  if (out->options_.end)
+    if (auto done = simulation.Restore(*out->options_.end); !done) return tl::unexpected(done.error());
+  out->counts_from_ = out->StateAt(out->options_.end ? *out->options_.end : out->start_);
+  out->next_.resize(out->size_ + static_cast<Eigen::Index>(out->counts_from_.forces.size()),
+                    out->change_.size());
+  return out;
+}
 
-  if (options.inputs)
-    for (const int input : *options.inputs)
-      if (input < 0 || input >= static_cast<int>(simulation.control_names().size()))
-        return refuse(fmt::format("there is no control {}; controls are 0 to {}", input,
-                                  static_cast<int>(simulation.control_names().size()) - 1));
+// Names, references and by how much each coordinate is moved.
+void Linearization::ListCoordinates() {
+  std::vector<double> changes, of_activations;
+  const std::vector<std::string> names = simulation_.CoordinateNames();
+  out_.num_joints = names.size();
+  std::size_t first = 0;
+  for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
+    const Reference& reference = out_.mechanisms.emplace_back(ReferenceOf(m));
+    const auto joints = static_cast<Eigen::Index>(reference.joints.size());
+    inverses_.push_back(SolveSquare(Rows(MatrixX(m.configuration().Q_now), reference.joints),
+                                    MatrixX::Identity(joints, joints)));
+    for (const int i : reference.joints) {
+      out_.coordinates.push_back(names[first + static_cast<std::size_t>(i)]);
+      changes.push_back(std::sqrt(m.model().h_inverse(i)));
+    }
+    first += static_cast<std::size_t>(m.mechanism().num_coordinates());
+    for (std::size_t k = 0; k < reference.controls.size(); ++k) {
+      out_.activations.push_back(
+          m.mechanism().controls()[static_cast<std::size_t>(reference.controls[k])].name);
+      of_activations.push_back(std::max(1.0, std::abs(reference.activation(static_cast<Eigen::Index>(k)))));
+    }
+    if (reference.has_base) ListBase(m.mechanism().bodies()[0].name, m.mechanism().length_scale(), changes);
+  }
+  for (const FreeBody& body : simulation_.world().free_bodies()) {
+    out_.free_bodies.push_back(ReferenceOf(body));
+    ListBase(body.name(), std::sqrt(body.inertia().rotational.trace() / body.inertia().mass), changes);
+  }
+  const auto n = static_cast<Eigen::Index>(changes.size()),
+             k = static_cast<Eigen::Index>(of_activations.size());
+  out_.dt = simulation_.dt();
+  change_.resize(2 * n + k);
+  change_.head(n) = options_.change * Eigen::Map<const VectorX>(changes.data(), n);
+  change_.segment(n, n) = change_.head(n) / out_.dt;
+  change_.tail(k) = options_.change * Eigen::Map<const VectorX>(of_activations.data(), k);
+}
 
-  return Linearizer(simulation, options).Linearize();
+void Linearization::ListBase(const std::string& name, double length, std::vector<double>& changes) {
+  NameSix(name, out_.coordinates);
+  for (int i = 0; i < 6; ++i) changes.push_back(i < 3 ? 1 : length);
+}
+
+void Linearization::ListInputs() {
+  const auto size = change_.size(), m = static_cast<Eigen::Index>(options_.inputs->size()),
+             m_start = options_.controls_move ? m : 0;
+  change_.conservativeResize(size + m + m_start);
+  for (Eigen::Index k = 0; k < m; ++k) {
+    const int input = (*options_.inputs)[static_cast<std::size_t>(k)];
+    out_.inputs.push_back(simulation_.control_names()[static_cast<std::size_t>(input)]);
+    change_(size + k) = options_.change * std::max(1.0, std::abs(start_.controls(input)));
+  }
+  change_.tail(m_start) = change_.segment(size, m_start);
+  for (const int body : options_.outputs)
+    NameSix(simulation_.bodies()[static_cast<std::size_t>(body)].name, out_.outputs);
+  out_.controls = start_.controls;
+}
+
+std::string Linearization::NameOf(Eigen::Index variable) const {
+  const auto n = out_.coordinates.size(), k = out_.activations.size(), m = out_.inputs.size();
+  auto i = static_cast<std::size_t>(variable);
+  if (i < n) return out_.coordinates[i];
+  if (i < 2 * n) return "rate of " + out_.coordinates[i - n];
+  if (i < 2 * n + k) return "activation of " + out_.activations[i - 2 * n];
+  i -= 2 * n + k;
+  if (i < forces_.size()) return out_.forces[i];
+  i -= forces_.size();
+  return i < m ? out_.inputs[i] : "start of " + out_.inputs[i - m];
+}
+
+std::string Linearization::NameOf(const Force& force) const {
+  if (force.contact < 0)
+    return fmt::format("friction {} of {}", force.at,
+                       simulation_.world().NameOf({StepSubject::Kind::kMechanism, force.mechanism, -1}));
+  const ContactPoint& point = start_.world.contacts[static_cast<std::size_t>(force.contact)].point;
+  constexpr const char* kComponents[] = {"normal force", "friction 1", "friction 2",
+                                         "torsion",      "rolling 1",  "rolling 2"};
+  return fmt::format("{} of {}", kComponents[force.at],
+                     simulation_.world().NameOf({StepSubject::Kind::kContact, point.body_a, point.body_b}));
+}
+
+// Those that are not zero, each to be varied by a share of what its contact or joint bears.
+std::vector<Linearization::Force> Linearization::ForcesOf(const WorldState& state) const {
+  std::vector<Force> out;
+  if (!options_.friction_forces) return out;
+  // Springs of contacts give way by micrometres, of which differences have to tell a share.
+  const double share = 100 * options_.change;
+  for (std::size_t i = 0; i < state.contacts.size(); ++i) {
+    const ContactRecord& c = state.contacts[i];
+    const double force = c.end_force.norm(), moment = c.end_moment.norm();
+    for (int k = 0; k < 6; ++k)
+      if (const double bears = k < 3 ? force : moment; bears > 0)
+        out.push_back({static_cast<int>(i), -1, k, share * bears});
+  }
+  for (std::size_t i = 0; i < state.rows.size(); ++i)
+    for (std::size_t k = 0; k < state.rows[i].friction_impulses.size(); ++k)
+      if (const double bears = std::abs(state.rows[i].friction_impulses[k]); bears > 0)
+        out.push_back({-1, static_cast<int>(i), static_cast<int>(k), share * bears});
+  return out;
+}
+
+void Linearization::ListForces() {
+  forces_ = ForcesOf(start_.world);
+  size_ = change_.size();
+  change_.conservativeResize(size_ + static_cast<Eigen::Index>(forces_.size()));
+  for (std::size_t k = 0; k < forces_.size(); ++k) {
+    change_(size_ + static_cast<Eigen::Index>(k)) = forces_[k].change;
+    out_.forces.push_back(NameOf(forces_[k]));
+  }
+}
+
+// Where the simulation stands, which is at `moment`.
+Linearization::State Linearization::StateAt(const Simulation::Snapshot& moment) const {
+  State out;
+  for (const MechanismDynamics& m : simulation_.world().mechanisms()) out.mechanisms.push_back(ReferenceOf(m));
+  for (const FreeBody& body : simulation_.world().free_bodies()) out.free_bodies.push_back(ReferenceOf(body));
+  out.forces = ForcesOf(moment.world);
+  out.contacts = moment.world.contacts;
+  out.rows = moment.world.rows;
+  return out;
+}
+
+// From what deviations count from.
+VectorX Linearization::PresentDeviation() const {
+  VectorX out(next_.rows());
+  out.head(size_) = DeviationFrom(counts_from_.mechanisms, counts_from_.free_bodies, simulation_);
+  if (counts_from_.forces.empty()) return out;
+  const std::vector<ContactRecord>& contacts = simulation_.world().contacts();
+  WorldState present;
+  if (counts_from_.forces.back().contact < 0) simulation_.world().Save(present);
+  for (std::size_t k = 0; k < counts_from_.forces.size(); ++k) {
+    const Force& force = counts_from_.forces[k];
+    double& deviation = out(size_ + static_cast<Eigen::Index>(k));
+    if (force.contact < 0) {
+      const auto impulse = [&](const std::vector<WorldState::Rows>& rows) {
+        return rows[static_cast<std::size_t>(force.mechanism)]
+            .friction_impulses[static_cast<std::size_t>(force.at)];
+      };
+      deviation = impulse(present.rows) - impulse(counts_from_.rows);
+      continue;
+    }
+    const ContactRecord& from = counts_from_.contacts[static_cast<std::size_t>(force.contact)];
+    const ContactRecord* now = FindContact(from, contacts);
+    const auto part = [&](const ContactRecord& c) { return force.at < 3 ? c.end_force : c.end_moment; };
+    Vector3 change = -part(from);
+    if (now) change += from.point.frame * now->point.frame.transpose() * part(*now);
+    deviation = change(force.at % 3);
+  }
+  return out;
+}
+
+// By which the step starts beside x* and u*: at both sides of one variable after the other, then of all, by turns.
+VectorX Linearization::VariationOf(int step) const {
+  VectorX out = VectorX::Zero(change_.size());
+  if (step == 0) return out;
+  const int variable = (step - 1) / 2;
+  if (variable < change_.size()) {
+    out(variable) = change_(variable);
+  } else {
+    out = change_;
+    for (Eigen::Index k = 1; k < out.size(); k += 2) out(k) *= -1;
+  }
+  return step % 2 == 1 ? out : VectorX(-out);
+}
+
+void Linearization::MoveTo(const VectorX& variation) {
+  moved_ = start_;
+  const auto n = static_cast<Eigen::Index>(out_.coordinates.size()),
+             m = static_cast<Eigen::Index>(out_.inputs.size()),
+             size = size_ + static_cast<Eigen::Index>(forces_.size());
+  for (std::size_t k = 0; k < forces_.size(); ++k) {
+    const double by = variation(size_ + static_cast<Eigen::Index>(k));
+    const Force& force = forces_[k];
+    if (force.contact < 0) {
+      moved_.world.rows[static_cast<std::size_t>(force.mechanism)]
+          .friction_impulses[static_cast<std::size_t>(force.at)] += by;
+      continue;
+    }
+    ContactRecord& c = moved_.world.contacts[static_cast<std::size_t>(force.contact)];
+    (force.at < 3 ? c.end_force : c.end_moment)(force.at % 3) += by;
+  }
+  for (Eigen::Index k = 0; k < m; ++k) {
+    const int input = (*options_.inputs)[static_cast<std::size_t>(k)];
+    moved_.controls(input) += variation(size + k);
+    if (options_.controls_move) moved_.last_controls(input) += variation(size + m + k);
+  }
+  Eigen::Index at = 0, activation = 2 * n;
+  const auto part = [&](const Reference& of) {
+    const Eigen::Index first = std::exchange(at, at + fork1s::SizeOf(of));
+    return std::pair<VectorX, VectorX>(variation.segment(first, at - first),
+                                       variation.segment(n + first, at - first));
+  };
+  for (std::size_t i = 0; i < out_.mechanisms.size(); ++i) {
+    const auto [p, v] = part(out_.mechanisms[i]);
+    const auto k = static_cast<Eigen::Index>(out_.mechanisms[i].controls.size());
+    Move(out_.mechanisms[i], inverses_[i], p, v, variation.segment(activation, k),
+         moved_.world.mechanisms[i]);
+    activation += k;
+  }
+  for (std::size_t i = 0; i < out_.free_bodies.size(); ++i) {
+    const auto [p, v] = part(out_.free_bodies[i]);
+    Move(out_.free_bodies[i], simulation_.world().free_bodies()[i], p, v, moved_.world.free_bodies[i]);
+  }
+  Restore(moved_);
+}
+
+void Linearization::Restore(const Simulation::Snapshot& moment) {
+  const auto done = simulation_.Restore(moment);
+  FORK1S_REQUIRE(done.has_value(), "what was saved here fits");
+}
+
+Expected<bool> Linearization::TakeStep() {
+  const auto variables = static_cast<int>(change_.size());
+  if (taken_ > 0 && taken_ % 2 == 1) CompareSides((taken_ - 1) / 2 - 1);
+  const bool along_all = taken_ > 2 * variables;
+  if (taken_ > 2 * variables + 2 || (along_all && !out_.switches.empty())) return false;
+  MoveTo(VariationOf(taken_));
+  End& end = taken_ == 0 ? at_rest_ : sides_[(taken_ - 1) % 2];
+  end.report = simulation_.Step(options_.controls_move);
+  if (!end.report.finite || !end.report.stages_converged)
+    return Fail(
+        ErrorCode::kNumerics, "linearization",
+        fmt::format("a step near this state is not solved ({}); shorten the time step or choose another state",
+                    simulation_.world().NameOf(end.report.stage_residual_of)));
+  end.dx = PresentDeviation();
+  ++taken_;
+  return true;
+}
+
+void Linearization::SetOutcome(const VectorX& outcome) {
+  FORK1S_REQUIRE(taken_ == 1 || outcome.size() == at_rest_.outcome.size(), "an outcome of", outcome.size(),
+                 "numbers after one of", at_rest_.outcome.size(), "; give as many in every state");
+  (taken_ == 1 ? at_rest_ : sides_[taken_ % 2]).outcome = outcome;
+  if (taken_ == 1) outcome_.resize(outcome.size(), change_.size());
+}
+
+// After the steps to both sides of a variable, or at the end along all of them.
+void Linearization::CompareSides(Eigen::Index variable) {
+  if (variable < 0) return;
+  const VectorX difference = sides_[0].dx - sides_[1].dx;
+  if (variable == change_.size()) {
+    const VectorX told = next_ * VariationOf(2 * static_cast<int>(variable) + 1);
+    out_.difference = SizeOf(0.5 * difference - told) / std::max(SizeOf(told), 1.0);
+    return;
+  }
+  next_.col(variable) = difference / (2 * change_(variable));
+  if (outcome_.rows() > 0)
+    outcome_.col(variable) = (sides_[0].outcome - sides_[1].outcome) / (2 * change_(variable));
+  // What rounding leaves is no switch.
+  const double bent = SizeOf(sides_[0].dx - 2 * at_rest_.dx + sides_[1].dx), moved = SizeOf(difference);
+  if (bent > kSwitch * std::max(moved, kSwitch))
+    out_.switches.push_back({NameOf(variable), bent / std::max(moved, kSwitch),
+                             WhatSwitched(sides_[0].report, sides_[1].report)});
+}
+
+// In units of the changes, without forces.
+double Linearization::SizeOf(const VectorX& dx) const {
+  return dx.head(size_).cwiseQuotient(change_.head(size_)).lpNorm<Eigen::Infinity>();
+}
+
+std::string Linearization::WhatSwitched(const StepReport& plus, const StepReport& minus) const {
+  const std::pair<const char*, int (*)(const StepReport&)> counts[] = {
+      {"contacts that bear", [](const StepReport& r) { return r.solver.active; }},
+      {"contacts that slide", [](const StepReport& r) { return r.solver.sliding; }},
+      {"joint limits that act", [](const StepReport& r) { return r.limits; }},
+      {"forces at their bound", [](const StepReport& r) { return r.forces_at_bound; }},
+      {"shorter steps", [](const StepReport& r) { return r.parts; }}};
+  std::string out;
+  for (const auto& [what, count] : counts) {
+    const int here = count(at_rest_.report), up = count(plus), down = count(minus);
+    if (here == up && here == down) continue;
+    out += fmt::format("{}{}: {}, with changes to both sides {} and {}", out.empty() ? "" : "; ", what, here,
+                       up, down);
+  }
+  return out;
+}
+
+// C, of which rates and activations move nothing.
+void Linearization::DifferentiateOutputs() {
+  out_.C.setZero(static_cast<Eigen::Index>(out_.outputs.size()),
+                 size_ + static_cast<Eigen::Index>(forces_.size()));
+  if (options_.outputs.empty()) return;
+  for (std::size_t k = 0; k < out_.coordinates.size(); ++k) {
+    std::vector<RigidTransform> X[2];
+    for (const int side : {0, 1}) {
+      MoveTo(VariationOf(2 * static_cast<int>(k) + 1 + side));
+      for (const int body : options_.outputs) X[side].push_back(simulation_.Pose(body));
+    }
+    const auto column = static_cast<Eigen::Index>(k);
+    for (std::size_t i = 0; i < X[0].size(); ++i)
+      out_.C.block<6, 1>(static_cast<Eigen::Index>(6 * i), column) =
+          PoseDeviation(X[0][i], X[1][i]) / (2 * change_(column));
+  }
+}
+
+LinearizedStep Linearization::Finish() {
+  if (!out_.switches.empty()) out_.difference = std::numeric_limits<double>::quiet_NaN();
+  const auto size = size_ + static_cast<Eigen::Index>(forces_.size()),
+             m = static_cast<Eigen::Index>(out_.inputs.size()), m_start = change_.size() - size - m;
+  out_.A = next_.leftCols(size);
+  out_.B = next_.middleCols(size, m);
+  out_.B_start = next_.rightCols(m_start);
+  out_.c = at_rest_.dx;
+  out_.outcome = at_rest_.outcome;
+  if (outcome_.rows() > 0) {
+    out_.outcome_A = outcome_.leftCols(size);
+    out_.outcome_B = outcome_.middleCols(size, m);
+    out_.outcome_B_start = outcome_.rightCols(m_start);
+  }
+  DifferentiateOutputs();
+  return std::move(out_);
+}
+
+}  // namespace internal
+
+Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options) {
+  const auto steps = internal::Linearization::Begin(simulation, options);
+  if (!steps) return tl::unexpected(steps.error());
+  for (;;) {
+    const auto taken = (*steps)->TakeStep();
+    if (!taken) return tl::unexpected(taken.error());
+    if (!*taken) return (*steps)->Finish();
+    if (options.outcome) (*steps)->SetOutcome(options.outcome(simulation));
+  }
 }
 
 }  // namespace fork1s

@@ -29,9 +29,8 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
   s.dt_ = options.dt > 0 ? options.dt : scene.timestep;
   if (!(s.dt_ > 0) || !std::isfinite(s.dt_))
     return Fail(ErrorCode::kModel, "scene '" + scene.name + "'", "needs a time step above 0 s");
-  s.step_options_ = options.step;
-  s.step_options_.h = s.dt_;
-  s.step_options_.gravity = scene.gravity;
+  s.options_.step.h = s.dt_;
+  s.options_.step.gravity = scene.gravity;
 
   if (options.detail == DetailLevel::kObject)
     return Fail(
@@ -88,12 +87,12 @@ Expected<Simulation> Simulation::Create(Scene scene, const SimulationOptions& op
 }
 
 StepReport Simulation::Step(bool controls_move) {
-  FORK1S_REQUIRE(step_options_.h == dt_, "step_options() with h of", step_options_.h, "s beside dt() of", dt_,
+  FORK1S_REQUIRE(options_.step.h == dt_, "step_options() with h of", options_.step.h, "s beside dt() of", dt_,
                  "s, which stays; make a simulation of another dt");
-  FORK1S_REQUIRE(step_options_.gravity.allFinite(), "step_options() with the gravity",
-                 step_options_.gravity.transpose(), "m/s²; give finite numbers");
-  FORK1S_REQUIRE(step_options_.newton_tolerance > 0, "step_options() with newton_tolerance",
-                 step_options_.newton_tolerance, "; give a number above 0");
+  FORK1S_REQUIRE(options_.step.gravity.allFinite(), "step_options() with the gravity",
+                 options_.step.gravity.transpose(), "m/s²; give finite numbers");
+  FORK1S_REQUIRE(options_.step.newton_tolerance > 0, "step_options() with newton_tolerance",
+                 options_.step.newton_tolerance, "; give a number above 0");
   PassControls(controls_move);
   CollectPointSprings();
   // FrozenContactForces asks for them after the step, which forgets them.
@@ -102,7 +101,7 @@ StepReport Simulation::Step(bool controls_move) {
     for (const MechanismDynamics& m : world_.mechanisms())
       m.ComputeLoadWrenches_W(last_step_.wrenches_W.emplace_back());
   RecordStartMotions();
-  const StepReport report = world_.Step(step_options_);
+  const StepReport report = world_.Step(options_.step);
   last_step_.controls_moved = controls_move;
   last_step_.base_rates = base_rates_;
   base_rates_.setConstant(std::numeric_limits<double>::quiet_NaN());

@@ -58,6 +58,7 @@ from ._errors import (
     UsageError,
 )
 from ._fit import StiffnessFit, fit_stiffness
+from ._gradient import ParameterGradient, RunGradient, RunSwitch, parameter_gradient, run_gradient
 from ._load import load, scene
 from ._show import Page, Replay, replay, show
 from ._sweep import sweep
@@ -84,10 +85,13 @@ __all__ = [
     "ModelError",
     "NumericsError",
     "Page",
+    "ParameterGradient",
     "PointStiffness",
     "RayHit",
     "RecoveryBuffers",
     "Replay",
+    "RunGradient",
+    "RunSwitch",
     "Sensors",
     "Simulation",
     "StateSpace",
@@ -105,7 +109,9 @@ __all__ = [
     "fit_stiffness",
     "load",
     "mujoco_version",
+    "parameter_gradient",
     "replay",
+    "run_gradient",
     "scene",
     "show",
     "statics",

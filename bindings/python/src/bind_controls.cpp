@@ -105,6 +105,13 @@ rad or m for position servos, N or N·m for motors. A driven base has six of its
               nb::arg("values"), "Sets several at once.",
               nb::sig("def update(self, values: dict[str, float]) -> None"))
           .def(
+              "drives_base",
+              [](const Controls& c, const std::string& name) {
+                const int at = c.runner->FindControl(name);
+                return c.runner->With([&](Simulation& s) { return s.DrivesBase(at); });
+              },
+              nb::arg("name"), "Whether it is a coordinate of a driven base.")
+          .def(
               "set_rate", SetRate, nb::arg("name"), nb::arg("rate"),
               "The rate, m/s or that of the rotation vector in rad/s, that a coordinate of a driven base has "
               "at the end of the next step, or of the next call of `step` with move=True, where its path is "

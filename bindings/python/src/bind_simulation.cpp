@@ -290,10 +290,25 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "that was read change nothing.",
               kOwn)
           .def_prop_ro(
+              "start_controls",
+              [](Runner& r) { return OwnVector(r.With([](Simulation& s) { return s.start_controls(); })); },
+              "(c,) where the next step with move=True starts: all set-points at the end of the last step.", kOwn)
+          .def_prop_ro(
               "time", [](Runner& r) { return r.Time(); }, "s")
           .def_prop_ro("steps", [](Runner& r) { return r.With([](Simulation& s) { return s.steps(); }); })
           .def_prop_ro(
               "dt", [](Runner& r) { return r.With([](Simulation& s) { return s.dt(); }); }, "s")
+          .def_prop_rw(
+              "newton_tolerance",
+              [](Runner& r) {
+                return r.With([](Simulation& s) { return s.step_options().newton_tolerance; });
+              },
+              [](Runner& r, const Real& tolerance) {
+                r.SetNewtonTolerance(tolerance.Read("newton_tolerance"));
+              },
+              "Share of the motion of a step that its solution may be off by, 1e-6 by default. 1e-15 solves steps "
+              "as far as rounding lets them, for differences of runs; it takes about twice as long. Raises UsageError "
+              "for numbers that are not above 0 and up to 0.01, and while a recording goes on.")
           .def_prop_ro(
               "bodies", [](const Runner& r) { return r.model()->BodyNames(); },
               "Names, in the order of `poses`.")

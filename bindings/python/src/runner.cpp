@@ -162,6 +162,16 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   if (error_) error_->Restart("where stiffnesses changed");
 }
 
+void Runner::SetNewtonTolerance(double tolerance) {
+  if (!(tolerance > 0 && tolerance <= 0.01))
+    throw Refused{{ErrorCode::kUsage, "newton_tolerance",
+                   std::to_string(tolerance) + " is no share above 0 and up to 0.01"}};
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  RefuseWhileRecording("newton_tolerance");
+  simulation_.step_options().newton_tolerance = tolerance;
+}
+
 void Runner::SetDetail(std::optional<DetailLevel> level, std::optional<int> modes,
                        std::optional<Recovery> recovery) {
   const ReleasedGil others_run;

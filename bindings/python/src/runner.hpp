@@ -78,6 +78,8 @@ class Runner {
   std::string FlushRecording();
   /// Goes on with other stiffnesses of joints. Throws as Model::SetStiffnesses.
   void SetStiffness(const std::map<std::string, double>& stiffness);
+  /// StepOptions::newton_tolerance. Throws Refused.
+  void SetNewtonTolerance(double tolerance);
   /// Goes on with more or less detail: values that are given. Throws Refused.
   void SetDetail(std::optional<DetailLevel> level, std::optional<int> modes,
                  std::optional<Recovery> recovery);

@@ -136,6 +136,7 @@ void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& 
 
 /// rad and m: residual at which corrections of loops end, far below the 0.01 mm that users see.
 inline constexpr double kClosingTolerance = 1e-10;
+inline constexpr double kClosedToRounding = 1e-14;  // as far as rounding lets loops of some metres be closed
 
 /// Result and scratch of the map from reduced coordinates to joint displacements and body poses, with loops closed.
 struct Configuration {

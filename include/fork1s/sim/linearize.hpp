@@ -18,8 +18,13 @@ struct LinearizeOptions {
   std::optional<std::vector<int>> inputs;
   /// Controls move within the step, as of Simulation::Step(true); B_start is by their values where they start.
   bool controls_move = false;
-  /// δx' counts from f(x*, u*) and not from x*, so that steps of a run chain: δx_2 = A_1 A_0 δx_0.
-  bool from_end = false;
+  /// What δx' counts from instead of x*: the state after the step in a run of the same simulation, so that its steps
+  /// chain, δx_2 = A_1 A_0 δx_0.
+  std::optional<Simulation::Snapshot> end;
+  /// Contacts and joints with dry friction start a step from the forces that they bore at the end of the last one, since
+  /// their material's springs remember them. These count as q more entries of δx, as many as there are at x*, and q' more
+  /// of δx', as many as at `end`, or at x*: A is (N + q') x (N + q). Else they stay as they are at x*.
+  bool friction_forces = false;
   /// What else is differentiated: numbers of the simulation after the step, as many whatever its state; forces of
   /// contact, sensors, a cost. It is called after every step that is taken here, and is to change nothing. What it throws
   /// comes through.
@@ -37,6 +42,7 @@ struct LinearizedStep {
   std::size_t num_joints = 0;                     // joint coordinates of the scene
   std::vector<std::string> coordinates;           // n names, of δp and of δv: "elbow", "drone.rx", "ball.z"
   std::vector<std::string> activations;           // k names of controls, of δa
+  std::vector<std::string> forces;       // q names, where they were asked for
   std::vector<std::string> inputs;                // m names of controls
   std::vector<std::string> outputs;               // l: "cup.rx"
   MatrixX A;                                      // N x N, N = 2n + k
@@ -81,11 +87,12 @@ struct LinearizedStep {
   std::vector<Reference> mechanisms, free_bodies;
 };
 
-/// By central differences of whole steps: 2 N + 2 m + 3 steps, 2 m more where controls move, each solved to rounding.
+/// By central differences of whole steps: 2 N + 2 m + 3 steps, 2 m more where controls move and 2 q
+/// for forces, each solved to rounding.
 /// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
 /// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
 /// are. Errors: kUsage for outputs and inputs that there are not, for a change that is not in (0, 0.01],
-/// and while bodies are held by frozen contacts; kNumerics where a step is not solved.
+/// and while bodies are held by frozen contacts; those of Restore for `end`; kNumerics where a step is not solved.
 Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOptions& options = {});
 
 }  // namespace fork1s

@@ -57,7 +57,7 @@ class Simulation {
 
   /// Advances by dt, with controls as StepOptions::controls_move says. What went wrong numerically stands in
   /// the report; the state stays finite.
-  StepReport Step() { return Step(step_options_.controls_move); }
+  StepReport Step() { return Step(options_.step.controls_move); }
   /// The same with controls that move linearly within the step, from start_controls() to those set, or are
   /// held at those set. Samples of a path move; the output of a controller is held. Driven bases move in both
   /// cases, from pose to pose. The step of euler depends on the end alone.
@@ -173,7 +173,7 @@ class Simulation {
   const LastStep& last_step() const { return last_step_; }
 
   double KineticEnergy() const { return world_.KineticEnergy(); }
-  double PotentialEnergy() const { return world_.PotentialEnergy(step_options_.gravity); }
+  double PotentialEnergy() const { return world_.PotentialEnergy(options_.step.gravity); }
   double Energy() const { return KineticEnergy() + PotentialEnergy(); }
   /// Largest opening of any loop [m].
   double ClosureGap() const;
@@ -203,8 +203,8 @@ class Simulation {
 
   const World& world() const { return world_; }
   World& world() { return world_; }
-  StepOptions& step_options() { return step_options_; }
-  const StepOptions& step_options() const { return step_options_; }
+  StepOptions& step_options() { return options_.step; }
+  const StepOptions& step_options() const { return options_.step; }
   /// Sentences about doubtful decisions in the reduction of the mechanisms as the scene gives them.
   const std::vector<std::string>& warnings() const { return warnings_; }
 
@@ -227,7 +227,6 @@ class Simulation {
   std::vector<FrozenGrasp> frozen_grasps_;
   std::vector<MechanismPlace> places_;  // per mechanism of scene_
   SimulationOptions options_;
-  StepOptions step_options_;
   double dt_ = 1.0 / 60;
   std::int64_t steps_ = 0;
   World world_ = World::Empty();

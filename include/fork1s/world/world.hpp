@@ -50,6 +50,8 @@ inline constexpr const char* kThetaIsGone =
     "'theta' is no longer an integrator; choose 'two-stage', which is of second order too and takes its "
     "place";
 
+inline constexpr double kToRounding = 1e-15;  // StepOptions::newton_tolerance
+
 struct StepOptions {
   double h = 1.0 / 60;  // s
   Integrator integrator = Integrator::kTwoStage;
@@ -60,7 +62,9 @@ struct StepOptions {
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
   ContactMaterial material;
   bool refresh = true;             // move the reference when the pose has left it
-  double newton_tolerance = 1e-6;  // share of the motion of a stage that its solution may be off by
+  // Share of the motion of a stage that its solution may be off by. Below 1e-6 loops close to as small a share of
+  // kClosingTolerance, or to what rounding leaves; kToRounding is for differences of steps.
+  double newton_tolerance = 1e-6;
   ContactSolverOptions contact;
 };
 

@@ -1,0 +1,362 @@
+"""Gradients of what a run comes to.
+
+By controls over time: every step of the run is linearized, x' = A x + B u, y = P x + Q u with y what the cost adds up,
+and from the last step back (adjoint)
+
+    dJ/du_k = Q_k + λ_{k+1} B_k,    λ_k = P_k + λ_{k+1} A_k,    λ = 0 after the last,
+
+so the time it takes grows with the number of steps, of coordinates and of controls, but not with the number of values.
+By parameters of the model: central differences of whole runs.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core
+from ._errors import NumericsError, UnknownNameError, UsageError
+from ._sweep_task import model_at
+
+Array = npt.NDArray[np.float64]
+Cost = Callable[[_core.Simulation], float]
+
+TO_ROUNDING = 1e-15  # newton_tolerance
+
+
+class RunSwitch(NamedTuple):
+    """A step of a run whose derivative differs by side: `RunGradient.switches`."""
+
+    step: int
+    """From 0."""
+    of: str
+    """Coordinate, rate or input."""
+    share: float
+    """By which differences to both sides differ."""
+    change: str
+    """What differs in the steps."""
+
+
+@dataclass(frozen=True)
+class RunGradient:
+    """Answer of `run_gradient`."""
+
+    value: float
+    """Sum of the cost over all steps."""
+    controls: Array
+    """(T, m) derivative of the value by each control of each row."""
+    inputs: list[str]
+    """(m) names of the controls that are differentiated, the columns of `controls`."""
+    start: Array
+    """(N,) derivative by the state at the start, counted as `LinearizedStep` counts dx."""
+    coordinates: list[str]
+    """(n) names; `start` has them first, then their rates, then activations."""
+    switches: list[RunSwitch]
+    """Where the run stands on a switch; the derivative there is the mean of both sides."""
+    difference: float
+    """Share by which the derivative along a direction through all controls, by two runs of their own, differs from that by
+    `controls`."""
+
+    def __repr__(self) -> str:
+        switches = f", {len(self.switches)} switches" if self.switches else ""
+        return f"<fork1s.RunGradient of {self.controls.shape} controls: {self.value:.6g}{switches}>"
+
+
+@dataclass(frozen=True)
+class ParameterGradient:
+    """Answer of `parameter_gradient`."""
+
+    value: float
+    """The metric at the point."""
+    by: dict[str, float]
+    """Its derivative by each parameter."""
+    bends: dict[str, float]
+    """Share by which differences to both sides differ, of parameters where it is above 0.01: the metric bends there, or is
+    not solved to rounding."""
+
+    def __repr__(self) -> str:
+        by = ", ".join(f"{name} {slope:.4g}" for name, slope in self.by.items())
+        return f"<fork1s.ParameterGradient {self.value:.6g}: {by}>"
+
+
+class _Path(NamedTuple):
+    """Controls of all steps: ends = offset + weights @ rows, in the columns of the simulation's controls."""
+
+    rows: Array  # (T, m)
+    columns: list[int]
+    weights: Array  # (steps, T)
+    offset: Array  # (steps, m)
+    move: bool
+
+    def ends(self, rows: Array) -> Array:
+        return self.offset + self.weights @ rows
+
+
+class _Step(NamedTuple):
+    found: _core.LinearizedStep
+    free: npt.NDArray[np.bool_]
+    """(m) inputs that are within their limits: beyond, changes change nothing."""
+
+
+def run_gradient(
+    sim: _core.Simulation,
+    cost: Cost,
+    controls: npt.ArrayLike | Mapping[str, npt.ArrayLike],
+    *,
+    inputs: Sequence[str] | None = None,
+    steps: int = 1,
+    move: bool = False,
+    change: float = 1e-6,
+    threads: int | None = None,
+) -> RunGradient:
+    """What a run from the present state on comes to, and its gradient by every control of every row and by the state.
+
+        def height(sim):
+            return sim.pose("cube")[2, 3]
+
+        found = fork1s.run_gradient(sim, height, {"grip": np.linspace(0, 0.4, 60)})
+        found.value, found.controls                                # m; (60, 1) m per unit of the control
+
+    Through contact, stops and loops, as the steps themselves are: nothing is smoothed. Each step takes
+    2 N + 2 m + 3 more, solved to rounding and spread over threads (`Simulation.linearize`). By controls beyond their limits
+    the derivative is 0.
+
+    Args:
+        sim: at the start of the run; it is left as it was.
+        cost: function of the simulation after a step that returns a number; the value is their sum. It may ask for
+            poses, contacts, sensors, controls, `time`, and is to change nothing. It is called by several threads, each
+            with a simulation of its own.
+        controls: (T, m) rows in the order of `sim.controls`, or a mapping from names to (T,); those that are not named
+            keep their values.
+        inputs: names of the controls by which to differentiate; default: all that are given. Coordinates of a driven
+            base are refused: how it moves follows from several rows.
+        steps: of each row.
+        move: controls move linearly from row to row, from those of the last step, instead of being held.
+        change: as of `linearize`.
+        threads: default: as many as there are cores.
+
+    Raises:
+        NumericsError: where a step is not solved.
+        UsageError: for controls of other shapes than these.
+        UnknownNameError: for names that are not those of controls.
+    """
+    path = _path_of(sim, controls, steps, move)
+    names = list(sim.controls)
+    if inputs is None:
+        inputs = [names[i] for i in path.columns]
+    places = _places(inputs, [names[i] for i in path.columns], "inputs")  # among the columns of the path
+    columns = [path.columns[i] for i in places]
+    driven = [name for name in inputs if sim.controls.drives_base(name)]
+    if driven:
+        raise UsageError(
+            f"inputs: '{driven[0]}' is a coordinate of a driven base, which is not differentiated; name the others in "
+            "`inputs`"
+        )
+
+    total = len(path.weights)
+    # Copies have neither recordings nor error estimates.
+    copies = [copy.deepcopy(sim) for _ in range(min(threads or _cores(), total))]
+    moments, value = _run(copies[0], cost, path, path.rows)
+    ends = path.ends(path.rows)
+
+    def linearize(worker: _core.Simulation, k: int) -> _Step:
+        worker.restore(moments[k])
+        _set(worker, path, ends[k])
+        free = worker.control_values[columns] == ends[k][places]
+        step = worker.linearize(
+            inputs=list(inputs),
+            change=change,
+            move=move,
+            end=moments[k + 1],
+            friction_forces=True,
+            outcome=lambda at: _number(cost(at), f"the cost after step {k}"),
+        )
+        return _Step(step, free)
+
+    taken = _over_threads(copies, linearize, total)
+    found = [step.found for step in taken]
+    by_ends = np.zeros((total, len(inputs)))
+    costate = np.zeros(found[-1].A.shape[0])
+    for k in reversed(range(total)):
+        step = found[k]
+        by_ends[k] += taken[k].free * (step.outcome_B[0] + costate @ step.B)
+        if move and k > 0:
+            by_ends[k - 1] += taken[k - 1].free * (step.outcome_B_start[0] + costate @ step.B_start)
+        costate = step.outcome_A[0] + costate @ step.A
+    gradient = path.weights.T @ by_ends
+    return RunGradient(
+        value=value,
+        controls=gradient,
+        inputs=list(inputs),
+        start=costate[: len(costate) - len(found[0].forces)],
+        coordinates=found[0].coordinates,
+        switches=[RunSwitch(k, s.of, s.share, s.change) for k, step in enumerate(found) for s in step.switches],
+        difference=_difference(copy.deepcopy(sim), cost, path, places, gradient, change),
+    )
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+def _number(value: Any, what: str) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise UsageError(f"{what} is {number}; it has to be a finite number")
+    return number
+
+
+def _path_of(
+    sim: _core.Simulation, controls: npt.ArrayLike | Mapping[str, npt.ArrayLike], steps: int, move: bool
+) -> _Path:
+    names = list(sim.controls)
+    if isinstance(controls, Mapping):
+        columns = _places(list(controls), names, "controls")
+        given = [np.asarray(values, dtype=float) for values in controls.values()]
+        for name, values in zip(controls, given, strict=True):
+            if values.ndim != 1 or len(values) != len(given[0]):
+                raise UsageError(
+                    f"controls: '{name}' has the shape {values.shape}; give as many numbers to each, one a row"
+                )
+        rows = np.stack(given, axis=1) if given else np.empty((0, 0))
+    else:
+        columns = list(range(len(names)))
+        rows = np.array(controls, dtype=float)
+        if rows.ndim != 2 or rows.shape[1] != len(names):
+            raise UsageError(
+                f"controls: the shape is {rows.shape}; it has to be (rows, {len(names)}), a column for each of "
+                f"{', '.join(names)}"
+            )
+    if len(rows) == 0 or steps < 1:
+        raise UsageError("controls: there is no step to take; give at least one row, and steps of 1 or more")
+    if not np.isfinite(rows).all():
+        raise UsageError("controls: there are numbers that are not finite")
+    total = len(rows) * steps
+    weights = np.zeros((total, len(rows)))
+    offset = np.zeros((total, len(columns)))
+    for k in range(total):
+        row, share = k // steps, (k % steps + 1) / steps if move else 1.0
+        weights[k, row] = share
+        if row > 0:
+            weights[k, row - 1] = 1 - share
+        elif move:
+            offset[k] = (1 - share) * sim.start_controls[columns]
+    return _Path(rows, columns, weights, offset, move)
+
+
+def _places(names: Sequence[str], known: Sequence[str], argument: str) -> list[int]:
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(f"{argument}: there is no '{name}'; there are {', '.join(known)}")
+    return [known.index(name) for name in names]
+
+
+def _set(sim: _core.Simulation, path: _Path, values: Array) -> None:
+    all_values = sim.control_values
+    all_values[path.columns] = values
+    sim.control_values = all_values
+
+
+def _run(
+    copied: _core.Simulation, cost: Cost, path: _Path, rows: Array
+) -> tuple[list[_core.Snapshot], float]:
+    """All moments of a run, after which the simulation is back at the first, and the sum of the cost."""
+    moments, value = [copied.save()], 0.0
+    for k, end in enumerate(path.ends(rows)):
+        _set(copied, path, end)
+        report = copied.step(move=path.move)
+        if not report.finite or report.unconverged:
+            raise NumericsError(f"step {k} of the run is not solved; shorten the time step")
+        value += _number(cost(copied), f"the cost after step {k}")
+        moments.append(copied.save())
+    copied.restore(moments[0])
+    return moments, value
+
+
+def _over_threads(
+    copies: list[_core.Simulation], work: Callable[[_core.Simulation, int], _Step], count: int
+) -> list[_Step]:
+    """work(simulation, k) for all k, each simulation in a thread of its own."""
+
+    def share(i: int) -> list[_Step]:
+        return [work(copies[i], k) for k in range(i, count, len(copies))]
+
+    with ThreadPoolExecutor(len(copies)) as pool:
+        shares = list(pool.map(share, range(len(copies))))
+    return [shares[k % len(copies)][k // len(copies)] for k in range(count)]
+
+
+def _difference(
+    copied: _core.Simulation, cost: Cost, path: _Path, places: list[int], gradient: Array, change: float
+) -> float:
+    """Along a direction in which all inputs of all rows change, of changing signs."""
+    direction = np.zeros_like(path.rows)
+    signs = np.random.default_rng(1).choice([-1.0, 1.0], gradient.shape)
+    direction[:, places] = signs * np.maximum(1.0, np.abs(path.rows[:, places]))
+    copied.newton_tolerance = TO_ROUNDING
+    values = [_run(copied, cost, path, path.rows + side * change * direction)[1] for side in (1, -1)]
+    told = float((gradient * direction[:, places]).sum())
+    scale = float(np.abs(gradient * direction[:, places]).max())
+    return abs((values[0] - values[1]) / (2 * change) - told) / scale if scale > 0 else 0.0
+
+
+def parameter_gradient(
+    model: Any,
+    metric: Callable[[_core.Model, dict[str, float]], float],
+    point: Mapping[str, float],
+    *,
+    change: float = 1e-5,
+    threads: int | None = None,
+) -> ParameterGradient:
+    """A metric of a model and its gradient by parameters, named as in `sweep`: `stiffness:JOINT`, `KIND:NAME.FIELD`.
+
+        def slipped(model, point):
+            sim = fork1s.Simulation(model, dt=1 / 60)
+            sim.newton_tolerance = 1e-15
+            ...
+            return distance
+
+        found = fork1s.parameter_gradient("hand.xml", slipped, {"geom:cube.friction": 0.8, "stiffness:thumb": 2.0})
+        found.value, found.by["geom:cube.friction"]
+
+    By central differences: 2 p + 1 calls of the metric for p parameters, spread over threads.
+
+    Args:
+        model: what `sweep` takes: a path, text, a `Model`, a `mujoco.MjSpec`, or a function of the parameters.
+        metric: function of the model and the point that returns a number. Where it takes steps, their
+            `newton_tolerance` has to be 1e-15, or differences are those of what is left unsolved.
+        point: values of the parameters at which to differentiate.
+        change: share of each value by which it is changed; of 0 this number itself.
+        threads: default: as many as there are cores.
+
+    Raises:
+        UsageError: for a metric that is not a finite number; else what the metric raises.
+    """
+    at = {name: float(value) for name, value in point.items()}
+    changes = {name: change * (abs(value) or 1.0) for name, value in at.items()}
+    points = [at] + [{**at, name: at[name] + side * changes[name]} for name in at for side in (1, -1)]
+
+    # One after the other, since fields are set in a MjSpec as it is given; the point itself last.
+    models = [model_at(model, where) for where in reversed(points)][::-1]
+
+    def value(i: int) -> float:
+        return _number(metric(models[i], dict(points[i])), f"the metric at {points[i]}")
+
+    with ThreadPoolExecutor(min(threads or _cores(), len(points))) as pool:
+        values = list(pool.map(value, range(len(points))))
+    by, bends = {}, {}
+    for i, name in enumerate(at):
+        up, down = values[1 + 2 * i], values[2 + 2 * i]
+        by[name] = (up - down) / (2 * changes[name])
+        bent = abs(up - 2 * values[0] + down) / max(abs(up - down), 1e-12 * abs(values[0]), 1e-300)
+        if bent > 0.01:
+            bends[name] = bent
+    return ParameterGradient(values[0], by, bends)

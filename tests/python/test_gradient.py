@@ -1,0 +1,201 @@
+"""Gradients of runs: the matrices of the scheme, differences of whole runs, limits, refusals."""
+
+import copy
+
+import numpy as np
+import pytest
+
+import fork1s
+
+SPRING = """
+<mujoco>
+  <option gravity="0 0 0" timestep="0.02"/>
+  <worldbody>
+    <body name="mass">
+      <joint name="x" type="slide" axis="1 0 0" stiffness="50" damping="0.4"/>
+      <geom name="mass" type="sphere" size="0.1" mass="2"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="push" joint="x" gear="3" ctrllimited="true" ctrlrange="-1 1"/></actuator>
+</mujoco>
+"""
+GAMMA = 1 - np.sqrt(0.5)
+
+
+def scheme(stiffness=50.0, mass=2.0, dt=0.02):
+    """x' of (x, v) by two stages for the force at the end of the first and of the second stage, per unit of push."""
+    J = np.array([[0, 1], [-stiffness / mass, -0.4 / mass]])
+    b = np.array([0, 3 / mass])
+    stage = np.linalg.inv(np.eye(2) - GAMMA * dt * J)
+    A = stage @ stage @ (np.eye(2) + (1 - 2 * GAMMA) * dt * J)
+    k1 = stage @ b
+    k2 = stage @ ((1 - GAMMA) * dt * J @ k1)
+    return A, dt * ((1 - GAMMA) * k1 + GAMMA * k2), dt * GAMMA * stage @ b
+
+
+def rollout(rows, move, **parameters):
+    A, first, second = scheme(**parameters)
+    x, last, value = np.array([0.0, 0.0]), 0.0, 0.0
+    for u in rows:
+        at_first = last + GAMMA * (u - last) if move else u
+        x = A @ x + first * at_first + second * u
+        value += x[0] ** 2
+        last = u
+    return value
+
+
+def squared(sim):
+    return sim.joint_displacements[0] ** 2
+
+
+def spring():
+    return fork1s.Simulation(fork1s.load(SPRING), dt=0.02)
+
+
+@pytest.mark.parametrize("move", [False, True])
+@pytest.mark.parametrize("threads", [1, 3])
+def test_of_a_spring_is_that_of_the_scheme(move, threads):
+    rows = 0.8 * np.sin(0.3 * np.arange(25))
+    sim = spring()
+    before = sim.hash()
+    found = fork1s.run_gradient(sim, squared, {"push": rows}, move=move, threads=threads)
+    assert sim.hash() == before
+    assert found.inputs == ["push"] and found.coordinates == ["x"] and found.switches == []
+    # Each step to 1e-6 of its motion.
+    assert found.value == pytest.approx(rollout(rows, move), rel=1e-5)
+    expected = [
+        (rollout(rows + 1e-3 * one, move) - rollout(rows - 1e-3 * one, move)) / 2e-3 for one in np.eye(25)
+    ]
+    np.testing.assert_allclose(found.controls[:, 0], expected, atol=1e-5 * np.abs(expected).max())
+    assert found.difference < 1e-5
+    # By the first position and speed, of which positions are linear.
+    A = scheme()[0]
+    power, by_start = np.eye(2), np.zeros(2)
+    x, last = np.zeros(2), 0.0
+    _, first, second = scheme()
+    for u in rows:
+        x = A @ x + first * (last + GAMMA * (u - last) if move else u) + second * u
+        power, last = A @ power, u
+        by_start += 2 * x[0] * power[0]
+    np.testing.assert_allclose(found.start, by_start, rtol=1e-5)
+
+
+def test_rows_of_several_steps_and_an_array_of_all_controls():
+    rows = np.array([[0.5], [-0.2], [0.7]])
+    for move in (False, True):
+        found = fork1s.run_gradient(spring(), squared, rows, steps=4, move=move)
+        ends = np.interp(np.arange(1, 13), [0, 4, 8, 12], [0, *rows[:, 0]]) if move else np.repeat(rows[:, 0], 4)
+        assert found.value == pytest.approx(rollout(ends, move), rel=1e-5)
+        assert found.controls.shape == (3, 1) and found.difference < 1e-5
+
+
+def test_controls_beyond_their_limits_change_nothing():
+    rows = np.array([0.5, 1.2, 0.4])
+    found = fork1s.run_gradient(spring(), squared, {"push": rows})
+    assert found.controls[1, 0] == 0
+    assert found.value == pytest.approx(rollout(np.minimum(rows, 1), False), rel=1e-5)
+    assert found.controls[0, 0] > 0 and found.controls[2, 0] > 0
+
+
+def test_through_a_grip_is_the_difference_of_runs():
+    sim = fork1s.Simulation(fork1s.load(fork1s.scene("fourbar_gripper")), dt=1 / 60)
+    sim.controls.update({"left_grip": 0.35, "right_grip": 0.35})
+    sim.step(60)
+    assert len(sim.contacts) > 0
+
+    def lifted(at):
+        return at.pose("cube")[2, 3] + 1e-3 * at.contacts["force"][:, 0].sum() ** 2
+
+    rows = {"left_grip": 0.35 + 0.02 * np.sin(np.arange(8)), "right_grip": np.full(8, 0.36)}
+    found = fork1s.run_gradient(sim, lifted, rows, inputs=["right_grip"])
+    assert found.inputs == ["right_grip"] and found.switches == []
+    assert found.difference < 1e-4
+    other = copy.deepcopy(sim)
+    other.newton_tolerance = 1e-15
+    there = other.save()
+    for row in (0, 5):
+        values = []
+        for change in (1e-5, -1e-5):
+            other.restore(there)
+            value = 0.0
+            for k in range(8):
+                right = rows["right_grip"][k] + (change if k == row else 0)
+                other.controls.update({"left_grip": rows["left_grip"][k], "right_grip": right})
+                other.step()
+                value += lifted(other)
+            values.append(value)
+        expected = (values[0] - values[1]) / 2e-5
+        assert found.controls[row, 0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_by_parameters_of_the_model():
+    rows = 0.8 * np.sin(0.3 * np.arange(25))
+
+    def metric(model, point):
+        sim = fork1s.Simulation(model, dt=0.02)
+        sim.newton_tolerance = 1e-15
+        value = 0.0
+        for u in rows:
+            sim.controls["push"] = u
+            sim.step()
+            value += squared(sim)
+        return value
+
+    found = fork1s.parameter_gradient(SPRING, metric, {"geom:mass.mass": 2.0, "stiffness:x": 50.0})
+    assert found.value == pytest.approx(rollout(rows, False), rel=1e-9) and found.bends == {}
+    for name, argument, at in (("geom:mass.mass", "mass", 2.0), ("stiffness:x", "stiffness", 50.0)):
+        change = 1e-4 * at
+        sides = [rollout(rows, False, **{argument: at + side * change}) for side in (1, -1)]
+        assert found.by[name] == pytest.approx((sides[0] - sides[1]) / (2 * change), rel=1e-5)
+    bent = fork1s.parameter_gradient(SPRING, lambda model, point: abs(point["a"]), {"a": 0.0})
+    assert bent.bends["a"] > 1 and bent.value == 0
+
+
+def test_tolerance_stays_with_the_simulation():
+    sim = spring()
+    assert sim.newton_tolerance == 1e-6
+    sim.newton_tolerance = 1e-12
+    sim.set_state(joints={"x": 0.01})
+    sim.set_stiffness({"x": 60})
+    assert copy.deepcopy(sim).newton_tolerance == 1e-12
+    with pytest.raises(fork1s.UsageError, match="newton_tolerance"):
+        sim.newton_tolerance = 0
+
+
+def test_what_is_wrong_is_told_and_changes_nothing():
+    sim = spring()
+    before = sim.hash()
+    rows = {"push": [0.1, 0.2]}
+    with pytest.raises(fork1s.UnknownNameError, match="'pull'"):
+        fork1s.run_gradient(sim, squared, {"pull": [0.1]})
+    with pytest.raises(fork1s.UnknownNameError, match="'pull'"):
+        fork1s.run_gradient(sim, squared, rows, inputs=["pull"])
+    with pytest.raises(fork1s.UsageError, match=r"\(2,\)"):
+        fork1s.run_gradient(sim, squared, [0.1, 0.2])
+    with pytest.raises(fork1s.UsageError, match="no step"):
+        fork1s.run_gradient(sim, squared, {"push": []})
+    with pytest.raises(fork1s.UsageError, match="not finite"):
+        fork1s.run_gradient(sim, squared, {"push": [np.nan]})
+    with pytest.raises(fork1s.UsageError, match="after step [01] is nan"):
+        fork1s.run_gradient(sim, lambda at: np.nan, rows)
+    with pytest.raises(ZeroDivisionError):
+        fork1s.run_gradient(sim, lambda at: 1 / 0, rows, threads=1)
+    assert sim.hash() == before and sim.newton_tolerance == 1e-6
+    hand = fork1s.Simulation(fork1s.load(fork1s.scene("hand")), dt=1 / 60)
+    with pytest.raises(fork1s.UsageError, match="driven base"):
+        fork1s.run_gradient(hand, lambda at: 0.0, hand.control_values[None])
+
+
+def test_outcome_of_a_step_is_differentiated():
+    sim = spring()
+    step = sim.linearize(outcome=lambda at: [at.joint_displacements[0], at.joint_rates[0] ** 2], move=True)
+    np.testing.assert_allclose(step.outcome_A[0], step.A[0], rtol=1e-9)
+    np.testing.assert_allclose(step.outcome_B[0] + step.outcome_B_start[0], step.B[0] + step.B_start[0])
+    np.testing.assert_allclose(step.outcome_A[1], 0, atol=1e-9)  # at rest
+    before = sim.hash()
+    with pytest.raises(ZeroDivisionError):
+        sim.linearize(outcome=lambda at: 1 / 0)
+    sizes = iter(range(1, 100))
+    with pytest.raises(ValueError, match="as many"):
+        sim.linearize(outcome=lambda at: np.zeros(next(sizes)))
+    assert sim.hash() == before and sim.newton_tolerance == 1e-6
