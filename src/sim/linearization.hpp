@@ -12,7 +12,7 @@ namespace fork1s::internal {
 /// While it lives the simulation is its own, but for looking; then it is put back as it was, bit by bit.
 ///
 ///     auto steps = Linearization::Begin(simulation, options);   // of which `outcome` is not called
-///     while (auto more = steps->TakeStep(); more && *more) steps->SetOutcome(...);
+///     while (auto more = steps->Advance(); more && *more) steps->SetOutcome(...);
 ///     LinearizedStep found = steps->Finish();
 class Linearization {
  public:
@@ -23,7 +23,7 @@ class Linearization {
   Linearization& operator=(const Linearization&) = delete;
 
   /// The simulation stands at the end of the next step that is needed. False where none is.
-  Expected<bool> TakeStep();
+  Expected<bool> Advance();
   /// Of the step just taken. Throws std::invalid_argument where others had another number of them.
   void SetOutcome(const VectorX& outcome);
   /// When all steps are taken.
@@ -71,13 +71,13 @@ class Linearization {
   const Simulation::Snapshot start_;
   Simulation::Snapshot moved_;
   std::vector<MatrixX> inverses_;  // per mechanism, of the rows of dq/dz of its independent joints
-  Eigen::Index size_ = 0;  // N
+  Eigen::Index size_ = 0;          // N
   std::vector<Force> forces_;
   // Variables: δx [N + q], inputs [m], where controls move their starts [m]. By how much each is varied, and derivatives.
   VectorX change_;
   MatrixX next_, outcome_;
-  int taken_ = 0;                     // steps: at x*, to both sides of each variable, and along all of them
-  State counts_from_;                 // what deviations after a step count from
+  int taken_ = 0;      // steps: at x*, to both sides of each variable, and along all of them
+  State counts_from_;  // what deviations after a step count from
   End at_rest_, sides_[2];
   LinearizedStep out_;
 };

@@ -335,7 +335,8 @@ void Linearization::ListForces() {
 // Where the simulation stands, which is at `moment`.
 Linearization::State Linearization::StateAt(const Simulation::Snapshot& moment) const {
   State out;
-  for (const MechanismDynamics& m : simulation_.world().mechanisms()) out.mechanisms.push_back(ReferenceOf(m));
+  for (const MechanismDynamics& m : simulation_.world().mechanisms())
+    out.mechanisms.push_back(ReferenceOf(m));
   for (const FreeBody& body : simulation_.world().free_bodies()) out.free_bodies.push_back(ReferenceOf(body));
   out.forces = ForcesOf(moment.world);
   out.contacts = moment.world.contacts;
@@ -432,8 +433,16 @@ void Linearization::Restore(const Simulation::Snapshot& moment) {
   FORK1S_REQUIRE(done.has_value(), "what was saved here fits");
 }
 
-Expected<bool> Linearization::TakeStep() {
+Expected<bool> Linearization::Advance() {
   const auto variables = static_cast<int>(change_.size());
+  if (taken_ > 1 && taken_ % 2 == 0 && taken_ <= 2 * variables && options_.one_sided &&
+      WhatSwitched(sides_[0].report, sides_[0].report).empty()) {
+    // The other side is as far from x* as this one.
+    sides_[1].dx = 2 * at_rest_.dx - sides_[0].dx;
+    sides_[1].outcome = 2 * at_rest_.outcome - sides_[0].outcome;
+    sides_[1].report = sides_[0].report;
+    ++taken_;
+  }
   if (taken_ > 0 && taken_ % 2 == 1) CompareSides((taken_ - 1) / 2 - 1);
   const bool along_all = taken_ > 2 * variables;
   if (taken_ > 2 * variables + 2 || (along_all && !out_.switches.empty())) return false;
@@ -443,8 +452,9 @@ Expected<bool> Linearization::TakeStep() {
   if (!end.report.finite || !end.report.stages_converged)
     return Fail(
         ErrorCode::kNumerics, "linearization",
-        fmt::format("a step near this state is not solved ({}); shorten the time step or choose another state",
-                    simulation_.world().NameOf(end.report.stage_residual_of)));
+        fmt::format(
+            "a step near this state is not solved ({}); shorten the time step or choose another state",
+            simulation_.world().NameOf(end.report.stage_residual_of)));
   end.dx = PresentDeviation();
   ++taken_;
   return true;
@@ -540,7 +550,7 @@ Expected<LinearizedStep> Linearize(Simulation& simulation, const LinearizeOption
   const auto steps = internal::Linearization::Begin(simulation, options);
   if (!steps) return tl::unexpected(steps.error());
   for (;;) {
-    const auto taken = (*steps)->TakeStep();
+    const auto taken = (*steps)->Advance();
     if (!taken) return tl::unexpected(taken.error());
     if (!*taken) return (*steps)->Finish();
     if (options.outcome) (*steps)->SetOutcome(options.outcome(simulation));

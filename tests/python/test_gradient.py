@@ -24,7 +24,8 @@ GAMMA = 1 - np.sqrt(0.5)
 
 def scheme(stiffness=50.0, mass=2.0, dt=0.02):
     """x' of (x, v) by two stages for the force at the end of the first and of the second stage, per unit of push."""
-    J = np.array([[0, 1], [-stiffness / mass, -0.4 / mass]])
+    damping = 0.4 * np.sqrt(stiffness / 50)  # the ratio stays
+    J = np.array([[0, 1], [-stiffness / mass, -damping / mass]])
     b = np.array([0, 3 / mass])
     stage = np.linalg.inv(np.eye(2) - GAMMA * dt * J)
     A = stage @ stage @ (np.eye(2) + (1 - 2 * GAMMA) * dt * J)
@@ -77,14 +78,17 @@ def test_of_a_spring_is_that_of_the_scheme(move, threads):
         x = A @ x + first * (last + GAMMA * (u - last) if move else u) + second * u
         power, last = A @ power, u
         by_start += 2 * x[0] * power[0]
-    np.testing.assert_allclose(found.start, by_start, rtol=1e-5)
+    # To one side a square bends by the change itself, 1e-7 of a length.
+    np.testing.assert_allclose(found.start, by_start, atol=1e-5 * np.abs(by_start).max())
 
 
 def test_rows_of_several_steps_and_an_array_of_all_controls():
     rows = np.array([[0.5], [-0.2], [0.7]])
     for move in (False, True):
         found = fork1s.run_gradient(spring(), squared, rows, steps=4, move=move)
-        ends = np.interp(np.arange(1, 13), [0, 4, 8, 12], [0, *rows[:, 0]]) if move else np.repeat(rows[:, 0], 4)
+        ends = (
+            np.interp(np.arange(1, 13), [0, 4, 8, 12], [0, *rows[:, 0]]) if move else np.repeat(rows[:, 0], 4)
+        )
         assert found.value == pytest.approx(rollout(ends, move), rel=1e-5)
         assert found.controls.shape == (3, 1) and found.difference < 1e-5
 
@@ -128,6 +132,59 @@ def test_through_a_grip_is_the_difference_of_runs():
         assert found.controls[row, 0] == pytest.approx(expected, rel=1e-4)
 
 
+DRAGGED = """
+<mujoco>
+  <option timestep="0.0166666667"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 0.1" friction="0.6"/>
+    <body name="block" pos="0 0 0.05">
+      <freejoint/>
+      <geom name="block" type="box" size="0.05 0.05 0.05" mass="1" friction="0.6"/>
+    </body>
+    <body name="arm" pos="-0.2 0 0.05">
+      <joint name="feed" type="slide" axis="1 0 0" damping="20" frictionloss="2"/>
+      <geom name="arm" type="capsule" fromto="0 0 0 0.13 0 0" size="0.015" mass="0.4" friction="0.4"/>
+      <body name="stick" pos="0 0.1 0">
+        <joint name="stick" axis="0 0 1" damping="0.01" stiffness="0.3" frictionloss="0.05"/>
+        <geom type="sphere" pos="0.05 0 0" size="0.02" mass="0.1" contype="0" conaffinity="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><position name="feed" joint="feed" kp="800"/></actuator>
+</mujoco>
+"""
+
+
+def test_through_friction_that_sticks_and_slides():
+    # The arm meets the block, drags it over the floor and stops; both frictions remember their forces.
+    sim = fork1s.Simulation(fork1s.load(DRAGGED), dt=1 / 60)
+    rows = 0.12 * np.minimum(1, np.arange(1, 31) / 20)
+
+    def place(at):
+        return at.pose("block")[0, 3] + 0.1 * at.qvel[-1]
+
+    found = fork1s.run_gradient(sim, place, {"feed": rows}, move=True)
+    assert sim.pose("block")[0, 3] == 0
+    assert np.abs(found.controls[:20]).max() > 0.1
+    # Where it meets the block derivatives differ by side, in no more than a hundredth of what the steps before tell.
+    assert found.difference < (0.01 if found.switches else 1e-5)
+    sim.controls["feed"] = 0.12
+    sim.step(40)
+    assert sim.pose("block")[0, 3] > 0.03
+    found = fork1s.run_gradient(sim, place, {"feed": np.full(20, 0.12)})
+    assert found.switches == [] and found.difference < 1e-5
+
+
+def test_of_a_walker_that_stands_on_its_feet():
+    sim = fork1s.Simulation(fork1s.load(fork1s.scene("quadruped")), dt=1 / 60)
+    sim.step(60)
+    assert len(sim.contacts) >= 3
+    rows = np.repeat(sim.control_values[None], 12, axis=0)
+    found = fork1s.run_gradient(sim, lambda at: at.pose(at.bodies[0])[2, 3], rows)
+    assert found.switches == [] and found.difference < 1e-5
+    assert np.abs(found.controls).max() > 1e-3
+
+
 def test_by_parameters_of_the_model():
     rows = 0.8 * np.sin(0.3 * np.arange(25))
 
@@ -147,8 +204,16 @@ def test_by_parameters_of_the_model():
         change = 1e-4 * at
         sides = [rollout(rows, False, **{argument: at + side * change}) for side in (1, -1)]
         assert found.by[name] == pytest.approx((sides[0] - sides[1]) / (2 * change), rel=1e-5)
-    bent = fork1s.parameter_gradient(SPRING, lambda model, point: abs(point["a"]), {"a": 0.0})
+    table = fork1s.parameter_gradient(
+        SPRING, lambda model, point: [2 * point["a"], point["a"] * point["b"]], {"a": 3, "b": 5}
+    )
+    np.testing.assert_allclose(table.jacobian(), [[2, 0], [5, 3]], rtol=1e-9)
+    bent = fork1s.parameter_gradient(SPRING, lambda model, point: abs(point["a"] - 3), {"a": 3.0})
     assert bent.bends["a"] > 1 and bent.value == 0
+    with pytest.raises(fork1s.UsageError, match="shape"):
+        fork1s.parameter_gradient(SPRING, lambda model, point: np.zeros(1 if point["a"] > 3 else 2), {"a": 3})
+    with pytest.raises(fork1s.UsageError, match="finite"):
+        fork1s.parameter_gradient(SPRING, lambda model, point: np.inf, {"a": 3})
 
 
 def test_tolerance_stays_with_the_simulation():

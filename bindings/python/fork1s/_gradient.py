@@ -74,17 +74,20 @@ class RunGradient:
 class ParameterGradient:
     """Answer of `parameter_gradient`."""
 
-    value: float
-    """The metric at the point."""
-    by: dict[str, float]
-    """Its derivative by each parameter."""
+    value: Array
+    """The metric at the point, of the shape that it has."""
+    by: dict[str, Array]
+    """Its derivative by each parameter, of the same shape."""
     bends: dict[str, float]
     """Share by which differences to both sides differ, of parameters where it is above 0.01: the metric bends there, or is
     not solved to rounding."""
 
+    def jacobian(self) -> Array:
+        """(k, p), of k numbers by the parameters in the order in which they were given."""
+        return np.stack([slope.ravel() for slope in self.by.values()], axis=1)
+
     def __repr__(self) -> str:
-        by = ", ".join(f"{name} {slope:.4g}" for name, slope in self.by.items())
-        return f"<fork1s.ParameterGradient {self.value:.6g}: {by}>"
+        return f"<fork1s.ParameterGradient of {self.value.size} numbers by {', '.join(self.by)}>"
 
 
 class _Path(NamedTuple):
@@ -114,7 +117,7 @@ def run_gradient(
     inputs: Sequence[str] | None = None,
     steps: int = 1,
     move: bool = False,
-    change: float = 1e-6,
+    change: float = 1e-8,
     threads: int | None = None,
 ) -> RunGradient:
     """What a run from the present state on comes to, and its gradient by every control of every row and by the state.
@@ -125,8 +128,9 @@ def run_gradient(
         found = fork1s.run_gradient(sim, height, {"grip": np.linspace(0, 0.4, 60)})
         found.value, found.controls                                # m; (60, 1) m per unit of the control
 
-    Through contact, stops and loops, as the steps themselves are: nothing is smoothed. Each step takes
-    2 N + 2 m + 3 more, solved to rounding and spread over threads (`Simulation.linearize`). By controls beyond their limits
+    Through contact, stops and loops, as the steps themselves are: nothing is smoothed. Each step takes about
+    N + q + m + 3 more for N of the state, q forces of friction and m inputs, solved to rounding and spread over threads
+    (`Simulation.linearize`, to one side). By controls beyond their limits
     the derivative is 0.
 
     Args:
@@ -177,6 +181,7 @@ def run_gradient(
             move=move,
             end=moments[k + 1],
             friction_forces=True,
+            one_sided=True,
             outcome=lambda at: _number(cost(at), f"the cost after step {k}"),
         )
         return _Step(step, free)
@@ -198,8 +203,10 @@ def run_gradient(
         inputs=list(inputs),
         start=costate[: len(costate) - len(found[0].forces)],
         coordinates=found[0].coordinates,
-        switches=[RunSwitch(k, s.of, s.share, s.change) for k, step in enumerate(found) for s in step.switches],
-        difference=_difference(copy.deepcopy(sim), cost, path, places, gradient, change),
+        switches=[
+            RunSwitch(k, s.of, s.share, s.change) for k, step in enumerate(found) for s in step.switches
+        ],
+        difference=_difference(copy.deepcopy(sim), cost, path, places, gradient),
     )
 
 
@@ -295,22 +302,25 @@ def _over_threads(
 
 
 def _difference(
-    copied: _core.Simulation, cost: Cost, path: _Path, places: list[int], gradient: Array, change: float
+    copied: _core.Simulation, cost: Cost, path: _Path, places: list[int], gradient: Array
 ) -> float:
     """Along a direction in which all inputs of all rows change, of changing signs."""
     direction = np.zeros_like(path.rows)
     signs = np.random.default_rng(1).choice([-1.0, 1.0], gradient.shape)
     direction[:, places] = signs * np.maximum(1.0, np.abs(path.rows[:, places]))
     copied.newton_tolerance = TO_ROUNDING
+    change = 1e-6  # to both sides
     values = [_run(copied, cost, path, path.rows + side * change * direction)[1] for side in (1, -1)]
     told = float((gradient * direction[:, places]).sum())
     scale = float(np.abs(gradient * direction[:, places]).max())
-    return abs((values[0] - values[1]) / (2 * change) - told) / scale if scale > 0 else 0.0
+    rounding = 1e-14 * abs(values[0]) / change
+    off = abs((values[0] - values[1]) / (2 * change) - told)
+    return off / scale if off > rounding else 0.0
 
 
 def parameter_gradient(
     model: Any,
-    metric: Callable[[_core.Model, dict[str, float]], float],
+    metric: Callable[[_core.Model, dict[str, float]], npt.ArrayLike],
     point: Mapping[str, float],
     *,
     change: float = 1e-5,
@@ -327,18 +337,19 @@ def parameter_gradient(
         found = fork1s.parameter_gradient("hand.xml", slipped, {"geom:cube.friction": 0.8, "stiffness:thumb": 2.0})
         found.value, found.by["geom:cube.friction"]
 
-    By central differences: 2 p + 1 calls of the metric for p parameters, spread over threads.
+    Where the metric is an array, what a recording is missed by at each moment, `found.jacobian()` is what
+    `scipy.optimize.least_squares` takes. By central differences: 2 p + 1 calls of the metric for p parameters, spread over threads.
 
     Args:
         model: what `sweep` takes: a path, text, a `Model`, a `mujoco.MjSpec`, or a function of the parameters.
-        metric: function of the model and the point that returns a number. Where it takes steps, their
+        metric: function of the model and the point that returns a number or an array of them. Where it takes steps, their
             `newton_tolerance` has to be 1e-15, or differences are those of what is left unsolved.
         point: values of the parameters at which to differentiate.
         change: share of each value by which it is changed; of 0 this number itself.
         threads: default: as many as there are cores.
 
     Raises:
-        UsageError: for a metric that is not a finite number; else what the metric raises.
+        UsageError: for a metric that is not finite, or of several shapes; else what the metric raises.
     """
     at = {name: float(value) for name, value in point.items()}
     changes = {name: change * (abs(value) or 1.0) for name, value in at.items()}
@@ -347,16 +358,24 @@ def parameter_gradient(
     # One after the other, since fields are set in a MjSpec as it is given; the point itself last.
     models = [model_at(model, where) for where in reversed(points)][::-1]
 
-    def value(i: int) -> float:
-        return _number(metric(models[i], dict(points[i])), f"the metric at {points[i]}")
+    def value(i: int) -> Array:
+        found = np.asarray(metric(models[i], dict(points[i])), dtype=float)
+        if not np.isfinite(found).all():
+            raise UsageError(f"the metric at {points[i]} is {found}; it has to be finite")
+        return found
 
     with ThreadPoolExecutor(min(threads or _cores(), len(points))) as pool:
         values = list(pool.map(value, range(len(points))))
+    for where, found in zip(points, values, strict=True):
+        if found.shape != values[0].shape:
+            raise UsageError(
+                f"the metric at {where} has the shape {found.shape}, at the point {values[0].shape}"
+            )
     by, bends = {}, {}
     for i, name in enumerate(at):
         up, down = values[1 + 2 * i], values[2 + 2 * i]
         by[name] = (up - down) / (2 * changes[name])
-        bent = abs(up - 2 * values[0] + down) / max(abs(up - down), 1e-12 * abs(values[0]), 1e-300)
-        if bent > 0.01:
-            bends[name] = bent
+        moved, bent = np.abs(up - down).max(), np.abs(up - 2 * values[0] + down).max()
+        if bent > 0.01 * moved + 1e-12 * np.abs(values[0]).max():
+            bends[name] = float(bent / moved) if moved > 0 else math.inf
     return ParameterGradient(values[0], by, bends)

@@ -24,12 +24,13 @@ VectorX Measure(const nb::object& outcome, nb::handle simulation) {
 
 LinearizedStep LinearizeStep(nb::handle_t<Runner> self, const nb::object& outputs, const nb::object& inputs,
                              const Real& change, bool move, const Runner::Snapshot* end, bool friction_forces,
-                             const nb::object& outcome) {
+                             bool one_sided, const nb::object& outcome) {
   Runner& runner = nb::cast<Runner&>(self);
   LinearizeOptions options;
   options.change = change.Read("change");
   options.controls_move = move;
   options.friction_forces = friction_forces;
+  options.one_sided = one_sided;
   if (end) options.end = end->simulation;
   for (const std::string& body :
        ReadAs<std::vector<std::string>>(outputs, "outputs", "a sequence of body names"))
@@ -46,7 +47,7 @@ LinearizedStep LinearizeStep(nb::handle_t<Runner> self, const nb::object& output
       ValueOrThrow(runner.With([&](Simulation& s) { return Linearization::Begin(s, options); }));
   const auto put_back = [&] { runner.With([&](Simulation&) { steps.reset(); }); };
   try {
-    while (ValueOrThrow(runner.With([&](Simulation&) { return steps->TakeStep(); })))
+    while (ValueOrThrow(runner.With([&](Simulation&) { return steps->Advance(); })))
       steps->SetOutcome(Measure(outcome, self));
     LinearizedStep out = runner.With([&](Simulation&) { return steps->Finish(); });
     put_back();
@@ -138,7 +139,8 @@ dynamics, k of them; N = 2n + k.)")
   simulation.def(
       "linearize", LinearizeStep, nb::arg("outputs") = nb::make_tuple(), nb::kw_only(),
       nb::arg("inputs") = nb::none(), nb::arg("change") = 1e-6, nb::arg("move") = false,
-      nb::arg("end") = nb::none(), nb::arg("friction_forces") = false, nb::arg("outcome") = nb::none(),
+      nb::arg("end") = nb::none(), nb::arg("friction_forces") = false, nb::arg("one_sided") = false,
+      nb::arg("outcome") = nb::none(),
       R"(The next step to first order about the present state and controls (`LinearizedStep`), pushes left out.
 
 outputs: names of bodies whose poses are outputs. inputs: names of the controls that are inputs, by default all.
@@ -156,7 +158,7 @@ UsageError, NumericsError where a step is not solved, and what `outcome` raises.
       nb::sig(
           "def linearize(self, outputs: collections.abc.Sequence[str] = (), *, inputs: "
           "collections.abc.Sequence[str] | None = None, change: float = 1e-06, move: bool = False, end: "
-          "Snapshot | None = None, friction_forces: bool = False, outcome: collections.abc.Callable[[Simulation], numpy.typing.ArrayLike] | None = "
+          "Snapshot | None = None, friction_forces: bool = False, one_sided: bool = False, outcome: collections.abc.Callable[[Simulation], numpy.typing.ArrayLike] | None = "
           "None) -> LinearizedStep"));
 }
 

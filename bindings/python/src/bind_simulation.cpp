@@ -292,7 +292,8 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
           .def_prop_ro(
               "start_controls",
               [](Runner& r) { return OwnVector(r.With([](Simulation& s) { return s.start_controls(); })); },
-              "(c,) where the next step with move=True starts: all set-points at the end of the last step.", kOwn)
+              "(c,) where the next step with move=True starts: all set-points at the end of the last step.",
+              kOwn)
           .def_prop_ro(
               "time", [](Runner& r) { return r.Time(); }, "s")
           .def_prop_ro("steps", [](Runner& r) { return r.With([](Simulation& s) { return s.steps(); }); })

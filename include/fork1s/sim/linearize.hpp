@@ -14,6 +14,9 @@ struct LinearizeOptions {
   std::vector<int> outputs;
   /// By how much coordinates are moved: radians, and shares of a length of what they move. Rates by that a step.
   double change = 1e-6;
+  /// Differences to one side alone where as many contacts, stops and bounds act as at x*: half of the steps, and off by
+  /// what bends within the change.
+  bool one_sided = false;
   /// Places of the controls that are inputs, in Simulation::control_names(); all, where it has no value.
   std::optional<std::vector<int>> inputs;
   /// Controls move within the step, as of Simulation::Step(true); B_start is by their values where they start.
@@ -42,7 +45,7 @@ struct LinearizedStep {
   std::size_t num_joints = 0;                     // joint coordinates of the scene
   std::vector<std::string> coordinates;           // n names, of δp and of δv: "elbow", "drone.rx", "ball.z"
   std::vector<std::string> activations;           // k names of controls, of δa
-  std::vector<std::string> forces;       // q names, where they were asked for
+  std::vector<std::string> forces;                // q names, where they were asked for
   std::vector<std::string> inputs;                // m names of controls
   std::vector<std::string> outputs;               // l: "cup.rx"
   MatrixX A;                                      // N x N, N = 2n + k

@@ -61,7 +61,7 @@ struct StepOptions {
   bool controls_move = false;
   Vector3 gravity = Vector3(0, 0, -9.81);  // m/s²
   ContactMaterial material;
-  bool refresh = true;             // move the reference when the pose has left it
+  bool refresh = true;  // move the reference when the pose has left it
   // Share of the motion of a stage that its solution may be off by. Below 1e-6 loops close to as small a share of
   // kClosingTolerance, or to what rounding leaves; kToRounding is for differences of steps.
   double newton_tolerance = 1e-6;
