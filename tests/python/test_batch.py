@@ -227,3 +227,93 @@ def test_refusals(gripper):
         fork1s.Batch(gripper, 0)
     with pytest.raises(fork1s.UnknownNameError, match="there is no body 'thumb'"):
         batch.poses("thumb")
+
+
+def test_members_go_back_to_a_moment(hand):
+    batch = fork1s.Batch(hand, 5, seeds=3)
+    batch.step(steps=10)
+    moment = batch.save()
+    assert len(moment) == 5
+    there = batch.hashes()
+    batch.step(steps=5)
+    later = batch.hashes()
+    batch.restore(moment)
+    assert_array_equal(batch.hashes(), there)
+    batch.step(steps=5)
+    assert_array_equal(batch.hashes(), later)
+    batch.restore(moment, [0, 1, 0, 0, 1])
+    assert_array_equal(batch.hashes() == there, [False, True, False, False, True])
+    # Resampled: each takes another's moment with its factors.
+    batch.restore(moment, members=[2, 2, 2, 0, 4])
+    assert_array_equal(batch.hashes(), there[[2, 2, 2, 0, 4]])
+    assert len(set(batch.factors["friction"][:3].tolist())) == 1
+    batch.step(steps=5)
+    assert_array_equal(batch.hashes(), later[[2, 2, 2, 0, 4]])
+    # A reset draws other factors; a moment brings those of then.
+    batch.reset()
+    batch.restore(moment)
+    batch.step(steps=5)
+    assert_array_equal(batch.hashes(), later)
+
+
+def test_all_start_from_the_moment_of_a_simulation(gripper):
+    sim = fork1s.Simulation(gripper, dt=1 / 60)
+    sim.controls["left_grip"] = 0.3
+    sim.step(20)
+    batch = fork1s.Batch(gripper, 3, dt=1 / 60)
+    batch.restore(sim.save())
+    assert (batch.hashes() == sim.hash()).all()
+    rows = np.array([[0.3, 0.0], [0.1, 0.2], [0.4, 0.4]])
+    batch.step(rows, steps=10)
+    there = sim.save()
+    for i in range(3):
+        sim.restore(there)
+        sim.control_values = rows[i]
+        sim.step(10)
+        assert batch.hashes()[i] == sim.hash()
+    with pytest.raises(fork1s.UsageError, match="member 1 has factors"):
+        fork1s.Batch(gripper, 2, dt=1 / 60, friction=[1, 2]).restore(there)
+    with pytest.raises(fork1s.UsageError, match="dt"):
+        fork1s.Batch(gripper, 2, dt=1 / 100).restore(there)
+    with pytest.raises(fork1s.UsageError, match="another stiffness"):
+        other = fork1s.Simulation(gripper, dt=1 / 60)
+        other.set_stiffness({"left_crank": 7.0})
+        batch.restore(other.save())
+    with pytest.raises(fork1s.UsageError, match="3 members"):
+        fork1s.Batch(gripper, 2, dt=1 / 60).restore(batch.save())
+    with pytest.raises(ValueError, match="0 to 2"):
+        batch.restore(batch.save(), members=[0, 1, 3])
+    with pytest.raises(TypeError, match="moment"):
+        batch.restore(7)
+
+
+def test_states_pushes_and_contacts_of_members(gripper):
+    batch = fork1s.Batch(gripper, 4, dt=1 / 60)
+    qpos, qvel = batch.qpos, batch.qvel
+    sim = fork1s.Simulation(gripper, dt=1 / 60)
+    qvel[:, -4] = [0, 0.01, 0.02, 0.03]  # of the cube, upwards
+    batch.set_state(qpos, qvel, mask=[1, 1, 0, 1])
+    assert_allclose(batch.qvel[:, -4], [0, 0.01, 0, 0.03], atol=1e-12)
+    sim.set_state(qpos=qpos[1], qvel=qvel[1])
+    batch.step(steps=5)
+    sim.step(5)
+    assert batch.hashes()[1] == sim.hash()
+
+    forces = np.outer([0.0, 0.1, 0.2, 0.3], [0, 0, 1])
+    batch = fork1s.Batch(gripper, 4, dt=1 / 60)
+    batch.step(steps=6, push={"cube": forces})
+    sim = fork1s.Simulation(gripper, dt=1 / 60)
+    sim.push("cube", force=forces[2])
+    sim.step(6)
+    assert batch.hashes()[2] == sim.hash()
+    assert_array_equal(batch.poses()[2], sim.poses)
+    contacts = batch.contacts
+    assert contacts.dtype == fork1s.BATCH_CONTACT
+    of_two = contacts[contacts["member"] == 2]
+    for name in fork1s.CONTACT.names:
+        assert_array_equal(of_two[name], sim.contacts[name])
+    batch.step(push={"cube": [0, 0, 0.001, 0, 0, 0.1], "left_jaw": [0, 0, 0.1]})
+    with pytest.raises(fork1s.UnknownNameError, match="'cub'"):
+        batch.step(push={"cub": [0, 0, 1]})
+    with pytest.raises(ValueError, match="push"):
+        batch.step(push={"cube": [0, 1]})

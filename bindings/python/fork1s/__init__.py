@@ -15,7 +15,7 @@ import collections.abc as _collections_abc
 import importlib as _importlib
 import typing as _typing
 
-from ._contacts import CONTACT
+from ._contacts import BATCH_CONTACT, CONTACT
 from ._core import (
     Batch,
     BatchReport,
@@ -64,6 +64,7 @@ from ._show import Page, Replay, replay, show
 from ._sweep import sweep
 
 __all__ = [
+    "BATCH_CONTACT",
     "Batch",
     "BatchReport",
     "BodyDifference",

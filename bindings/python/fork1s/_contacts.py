@@ -1,6 +1,9 @@
 """The fields of a contact."""
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 CONTACT = np.dtype(
     [
@@ -16,3 +19,14 @@ CONTACT = np.dtype(
     ]
 )
 """numpy type of one row of `Simulation.contacts`, world axes."""
+
+BATCH_CONTACT = np.dtype([("member", np.int32), *((name, CONTACT[name]) for name in CONTACT.names or ())])
+"""numpy type of one row of `Batch.contacts`: the member whose contact it is, then as `CONTACT`."""
+
+
+def with_members(contacts: npt.NDArray[Any], members: npt.NDArray[np.int32]) -> npt.NDArray[Any]:
+    rows = np.empty(len(contacts), BATCH_CONTACT)
+    rows["member"] = members
+    for name in CONTACT.names or ():
+        rows[name] = contacts[name]
+    return rows

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <fork1s/importer/file_state.hpp>
 #include <fork1s/sim/control_move.hpp>
 #include <optional>
 
 #include "errors.hpp"
 #include "parallel/parallel_for.hpp"
+#include "sim/restart.hpp"
 
 namespace fork1s::python {
 namespace {
@@ -134,7 +136,8 @@ Batch::Content Batch::GetContent() const {
   return content;
 }
 
-BatchReport Batch::Step(const double* controls, int steps, bool move) {
+BatchReport Batch::Step(const double* controls, int steps, bool move,
+                        const std::vector<MemberPushes>& pushes) {
   const auto count = static_cast<std::size_t>(count_);
   const auto width = static_cast<Eigen::Index>(control_names_.size());
   BatchReport all{std::vector<int>(count), std::vector<double>(count), std::vector<double>(count),
@@ -158,6 +161,9 @@ BatchReport Batch::Step(const double* controls, int steps, bool move) {
       internal::StepTotals& report = reports[at];
       for (; made[at] < steps && report.finite; ++made[at]) {
         if (gil.IsPauseDue()) return false;
+        for (const MemberPushes& push : pushes)
+          simulation.ApplyWrench(push.body, push.F_W[at].tail<3>(), push.F_W[at].head<3>(),
+                                 simulation.Pose(push.body).translation());
         report.Add(moves[at] ? moves[at]->Step(simulation) : simulation.Step(), simulation.world());
       }
       return true;
@@ -226,6 +232,114 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
   seeds_ = std::move(seeds);
   times_ = std::move(times);
   drawn_ = std::move(drawn);
+}
+
+BatchSnapshot Batch::Save() const {
+  BatchSnapshot moment;
+  ReleasedGil gil;
+  WithCallMutex(mutex_, "Batch", [&] {
+    moment.dt = simulations_.front().dt();
+    moment.drawn = drawn_;
+    for (const Simulation& simulation : simulations_) moment.simulations.push_back(simulation.Save());
+  });
+  return moment;
+}
+
+void Batch::Restore(const BatchSnapshot& moment, const std::vector<char>& mask,
+                    const std::vector<int>& sources) {
+  ReleasedGil gil;
+  std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));
+  WithCallMutex(mutex_, "Batch", [&] {
+    ValueOrThrow(FitsStep(moment.dt, simulations_.front()));
+    OnThreads(gil, [&](int i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (!mask[at]) return true;
+      const auto from = static_cast<std::size_t>(sources[at]);
+      if (!(drawn_[at].factors == moment.drawn[from].factors)) {
+        Expected<Simulation> next = starts_.Begin(moment.drawn[from]);
+        if (!next) {
+          errors[at] = next.error();
+          return true;
+        }
+        simulations_[at] = std::move(*next);
+      }
+      drawn_[at] = moment.drawn[from];
+      sensors_[at].reset();
+      if (auto done = simulations_[at].Restore(moment.simulations[from]); !done) errors[at] = done.error();
+      return true;
+    });
+  });
+  gil.ThrowIfInterrupted();
+  for (std::optional<Error>& error : errors)
+    if (error) throw Refused{std::move(*error)};
+}
+
+void Batch::Restore(const Runner::Snapshot& moment, const std::vector<char>& mask) {
+  ReleasedGil gil;
+  std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));
+  WithCallMutex(mutex_, "Batch", [&] {
+    ValueOrThrow(FitsStep(moment.dt, simulations_.front()));
+    for (std::size_t i = 0; i < drawn_.size(); ++i)
+      if (mask[i] && !(drawn_[i].factors == SceneFactors{}))
+        throw Refused{{ErrorCode::kUsage, "restore",
+                       "member " + std::to_string(i) +
+                           " has factors of its own, with which the moment of a simulation is none of its; "
+                           "use set_state, or a batch without seeds and factors"}};
+    OnThreads(gil, [&](int i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (!mask[at]) return true;
+      sensors_[at].reset();
+      if (auto fits = FitsStiffness(moment, simulations_[at]); !fits)
+        errors[at] = fits.error();
+      else if (auto done = simulations_[at].Restore(moment.simulation); !done)
+        errors[at] = done.error();
+      return true;
+    });
+  });
+  gil.ThrowIfInterrupted();
+  for (std::optional<Error>& error : errors)
+    if (error) throw Refused{std::move(*error)};
+}
+
+void Batch::SetState(const std::vector<char>& mask, const double* qpos, const double* qvel) {
+  const std::vector<FileJoint>& joints = model_->joints();
+  Eigen::Index positions = 0, velocities = 0;
+  for (const FileJoint& joint : joints) {
+    positions += joint.num_positions();
+    velocities += joint.num_velocities();
+  }
+  ReleasedGil gil;
+  std::vector<std::optional<Simulation>> next(static_cast<std::size_t>(count_));
+  std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));
+  WithCallMutex(mutex_, "Batch", [&] {
+    const bool complete = MakeOnThreads(gil, [&](int i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (!mask[at]) return;
+      const Simulation& simulation = simulations_[at];
+      KeyframeDef state = simulation.State();
+      FileState file = ComputeFileState(joints, simulation.scene(), state);
+      if (qpos) file.positions = Eigen::Map<const VectorX>(qpos + i * positions, positions);
+      if (qvel) file.velocities = Eigen::Map<const VectorX>(qvel + i * velocities, velocities);
+      if (auto done = ApplyFileState(joints, simulation.scene(), file, state); !done) {
+        errors[at] = done.error();
+        return;
+      }
+      auto restarted = fork1s::internal::RestartAt(simulation, state, model_->scene().keyframes.size());
+      if (restarted)
+        next[at] = std::move(restarted->simulation);
+      else
+        errors[at] = restarted.error();
+    });
+    for (std::optional<Error>& error : errors)
+      if (error) throw Refused{std::move(*error)};
+    if (!complete) return;
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      if (!next[i]) continue;
+      simulations_[i] = std::move(*next[i]);
+      sensors_[i].reset();
+    }
+  });
+  gil.ThrowIfInterrupted();
 }
 
 std::vector<Drawn> Batch::Draws() const {

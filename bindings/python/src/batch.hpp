@@ -31,6 +31,19 @@ struct MemberDifferences {
   std::vector<double> given[3];      // factors of stiffness, friction, mass, one each; empty: none given
 };
 
+/// A force on a point that moves with a body, its origin, through all steps of a call.
+struct MemberPushes {
+  int body = 0;              // place in Simulation::bodies()
+  std::vector<Vector6> F_W;  // of each member [moment; force], N·m and N, world axes
+};
+
+/// A moment of a batch to come back to.
+struct BatchSnapshot {
+  double dt = 0;  // s
+  std::vector<Simulation::Snapshot> simulations;
+  std::vector<Drawn> drawn;
+};
+
 /// The members never share anything that moves, so results do not depend on the number of threads.
 ///
 /// Methods that work on the members release the GIL before they lock them, and end within 0.1 s of a signal
@@ -64,7 +77,16 @@ class Batch {
   /// controls: size() rows of control_names(), or null: as they are. A call that a signal ends leaves members
   /// that have made different numbers of these steps.
   /// move: as Runner::Step.
-  BatchReport Step(const double* controls, int steps, bool move);
+  BatchReport Step(const double* controls, int steps, bool move, const std::vector<MemberPushes>& pushes);
+  BatchSnapshot Save() const;
+  /// Members whose entry of `mask` is set go to the moment of the member that `sources` names, with its factors; their
+  /// seeds stay. Throws Refused for a moment of another model or dt.
+  void Restore(const BatchSnapshot& moment, const std::vector<char>& mask, const std::vector<int>& sources);
+  /// The same, to a moment of a simulation of the model. Throws Refused where a member has other factors than 1.
+  void Restore(const Runner::Snapshot& moment, const std::vector<char>& mask);
+  /// Members whose entry of `mask` is set go on from these positions and velocities of the joints of the file, rows of
+  /// all members; null: as they are. Throws Refused, and then leaves all as they were.
+  void SetState(const std::vector<char>& mask, const double* qpos, const double* qvel);
   /// Simulations whose entry of `mask` is set begin again: with what their seed draws next, or, where seeds
   /// are given, draws first. Without any seed they keep their factors, but for those that are given.
   void Reset(const std::vector<char>& mask, const MemberDifferences& differences);

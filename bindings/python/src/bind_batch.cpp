@@ -7,12 +7,16 @@
 #include <nanobind/stl/vector.h>
 #include "text.hpp"
 
+#include <cmath>
+#include <numeric>
+
 #include "arguments.hpp"
 #include "arrays.hpp"
 #include "batch.hpp"
 #include "batch_arguments.hpp"
 #include "bind.hpp"
 #include "errors.hpp"
+#include "readings.hpp"
 #include "words.hpp"
 
 namespace fork1s::python {
@@ -20,6 +24,14 @@ namespace {
 
 using BoolArray = nb::ndarray<nb::numpy, bool>;
 using IntArray = nb::ndarray<nb::numpy, int>;
+
+template <class T>
+nb::ndarray<nb::numpy, T> OwnAll(const std::vector<T>& values) {
+  auto* kept = new std::vector<T>(values);
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  const std::size_t count = kept->size();
+  return nb::ndarray<nb::numpy, T>(kept->data(), 1, &count, owner);
+}
 
 nb::dict RangesOf(const Randomisation& ranges) {
   nb::dict all;
@@ -107,51 +119,130 @@ Array FileNumbersOf(const Batch& batch, VectorX FileState::*part) {
   });
 }
 
-BatchReport Step(Batch& batch, const nb::object& controls, const Whole& given_steps, bool move) {
-  const int steps = given_steps.Within("steps", 0);
-  std::optional<Numbers> rows;
-  std::vector<double> repeated;
-  const double* data = nullptr;
-  if (!controls.is_none()) {
-    const std::size_t width = batch.control_names().size();
-    rows = ReadNumbers(controls, "controls");
-    if (rows->ndim() == 1 && rows->shape(0) == width) {
-      for (int i = 0; i < batch.size(); ++i)
-        repeated.insert(repeated.end(), rows->data(), rows->data() + rows->size());
-      data = repeated.data();
-    } else if (rows->ndim() == 2 && rows->shape(0) == Count(batch) && rows->shape(1) == width) {
-      data = rows->data();
-    } else {
-      throw nb::value_error(("controls must have shape (" + std::to_string(batch.size()) + ", " +
-                             std::to_string(width) + ") or (" + std::to_string(width) + ",)")
-                                .c_str());
-    }
-    for (std::size_t i = 0; i < rows->size(); ++i)
-      if (!std::isfinite(rows->data()[i])) throw nb::value_error("controls must be finite");
+// (width,) for all, or (n, width): rows of all members.
+std::vector<double> ReadRows(const Batch& batch, nb::handle given, std::size_t width,
+                             const std::string& argument) {
+  const Numbers read = ReadNumbers(given, argument);
+  std::vector<double> rows;
+  if (read.ndim() == 1 && read.shape(0) == width) {
+    for (int i = 0; i < batch.size(); ++i) rows.insert(rows.end(), read.data(), read.data() + read.size());
+  } else if (read.ndim() == 2 && read.shape(0) == Count(batch) && read.shape(1) == width) {
+    rows.assign(read.data(), read.data() + read.size());
+  } else {
+    throw nb::value_error((argument + " must have shape (" + std::to_string(batch.size()) + ", " +
+                           std::to_string(width) + ") or (" + std::to_string(width) + ",)")
+                              .c_str());
   }
-  return batch.Step(data, steps, move);
+  for (const double number : rows)
+    if (!std::isfinite(number)) throw nb::value_error((argument + " must be finite").c_str());
+  return rows;
+}
+
+// Of each body, forces (3) or [torque; force] (6).
+std::vector<MemberPushes> ReadPushes(const Batch& batch, const nb::object& given) {
+  std::vector<MemberPushes> pushes;
+  if (given.is_none()) return pushes;
+  for (const auto& [body, value] :
+       ReadAs<std::map<std::string, nb::object>>(given, "push", "a mapping from names of bodies to forces")) {
+    MemberPushes& push = pushes.emplace_back();
+    push.body = FindBodies(batch, {body}).front();
+    const std::string argument = "push['" + body + "']";
+    const Numbers read = ReadNumbers(value, argument);
+    const std::size_t width = read.ndim() > 0 && read.shape(read.ndim() - 1) == 6 ? 6 : 3;
+    const std::vector<double> rows = ReadRows(batch, value, width, argument);
+    for (std::size_t i = 0; i < Count(batch); ++i) {
+      Vector6 F = Vector6::Zero();
+      F.tail(static_cast<Eigen::Index>(width)) =
+          Eigen::Map<const VectorX>(rows.data() + i * width, static_cast<Eigen::Index>(width));
+      push.F_W.push_back(F);
+    }
+  }
+  return pushes;
+}
+
+std::vector<char> ReadMask(const Batch& batch, const nb::object& mask) {
+  std::vector<char> chosen(Count(batch), 1);
+  if (mask.is_none()) return chosen;
+  const VectorX read = ReadVector(mask, Count(batch), "mask");
+  for (std::size_t i = 0; i < chosen.size(); ++i) chosen[i] = read(static_cast<Eigen::Index>(i)) != 0;
+  return chosen;
+}
+
+BatchReport Step(Batch& batch, const nb::object& controls, const Whole& given_steps, bool move,
+                 const nb::object& push) {
+  const int steps = given_steps.Within("steps", 0);
+  std::vector<double> rows;
+  if (!controls.is_none()) rows = ReadRows(batch, controls, batch.control_names().size(), "controls");
+  return batch.Step(controls.is_none() ? nullptr : rows.data(), steps, move, ReadPushes(batch, push));
+}
+
+void RestoreBatch(Batch& batch, const nb::object& moment, const nb::object& mask, const nb::object& members) {
+  const std::vector<char> chosen = ReadMask(batch, mask);
+  if (nb::isinstance<Runner::Snapshot>(moment)) {
+    if (!members.is_none())
+      throw Refused{{ErrorCode::kUsage, "restore", "the moment of a simulation has no members to choose"}};
+    batch.Restore(nb::cast<const Runner::Snapshot&>(moment), chosen);
+    return;
+  }
+  BatchSnapshot* of_batch = nullptr;
+  if (!nb::try_cast(moment, of_batch))
+    RefuseType("moment", "what Batch.save or Simulation.save gave", moment);
+  const auto count = static_cast<int>(of_batch->simulations.size());
+  std::vector<int> sources(Count(batch));
+  if (members.is_none()) {
+    if (count != batch.size())
+      throw Refused{{ErrorCode::kUsage, "restore",
+                     "the moment is of " + std::to_string(count) + " members, this batch has " +
+                         std::to_string(batch.size()) + "; say by members= which of them each takes"}};
+    std::iota(sources.begin(), sources.end(), 0);
+  } else {
+    const VectorX read = ReadVector(members, Count(batch), "members");
+    for (std::size_t i = 0; i < sources.size(); ++i) {
+      const double at = read(static_cast<Eigen::Index>(i));
+      if (!(at >= 0 && at < count && at == std::floor(at)))
+        throw nb::value_error(
+            ("members must be whole numbers from 0 to " + std::to_string(count - 1)).c_str());
+      sources[i] = static_cast<int>(at);
+    }
+  }
+  batch.Restore(*of_batch, chosen, sources);
+}
+
+void SetBatchState(Batch& batch, const nb::object& qpos, const nb::object& qvel, const nb::object& mask) {
+  std::size_t positions = 0, velocities = 0;
+  for (const FileJoint& joint : batch.model()->joints()) {
+    positions += static_cast<std::size_t>(joint.num_positions());
+    velocities += static_cast<std::size_t>(joint.num_velocities());
+  }
+  std::vector<double> q, v;
+  if (!qpos.is_none()) q = ReadRows(batch, qpos, positions, "qpos");
+  if (!qvel.is_none()) v = ReadRows(batch, qvel, velocities, "qvel");
+  batch.SetState(ReadMask(batch, mask), qpos.is_none() ? nullptr : q.data(),
+                 qvel.is_none() ? nullptr : v.data());
+}
+
+nb::object ContactsOf(const Batch& batch) {
+  std::vector<std::vector<ContactRow>> each(Count(batch));
+  batch.ForAll(
+      [&](int i, const Simulation& s) { each[static_cast<std::size_t>(i)] = fork1s::python::Contacts(s); });
+  std::vector<ContactRow> rows;
+  std::vector<int> members;
+  for (std::size_t i = 0; i < each.size(); ++i) {
+    rows.insert(rows.end(), each[i].begin(), each[i].end());
+    members.insert(members.end(), each[i].size(), static_cast<int>(i));
+  }
+  return nb::module_::import_("fork1s._contacts")
+      .attr("with_members")(ToArray(std::move(rows)), OwnAll(members));
 }
 
 void Reset(Batch& batch, const nb::object& mask, const nb::object& seeds, const nb::object& stiffness,
            const nb::object& friction, const nb::object& mass) {
   const std::size_t count = Count(batch);
-  std::vector<char> chosen(count, 1);
-  if (!mask.is_none()) {
-    const VectorX read = ReadVector(mask, count, "mask");
-    for (std::size_t i = 0; i < count; ++i) chosen[i] = read(static_cast<Eigen::Index>(i)) != 0;
-  }
+  const std::vector<char> chosen = ReadMask(batch, mask);
   if (!seeds.is_none() && !batch.has_seeds())
     throw Refused{{ErrorCode::kUsage, "reset", "this batch was made without seeds; make it with seeds="}};
   const MemberDifferences differences = ReadDifferences(count, seeds, stiffness, friction, mass);
   batch.Reset(chosen, differences);
-}
-
-template <class T>
-nb::ndarray<nb::numpy, T> OwnAll(const std::vector<T>& values) {
-  auto* kept = new std::vector<T>(values);
-  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-  const std::size_t count = kept->size();
-  return nb::ndarray<nb::numpy, T>(kept->data(), 1, &count, owner);
 }
 
 BoolArray Flags(const std::vector<char>& flags) {
@@ -233,6 +324,11 @@ of another shape.)";
 
 void BindBatch(nb::module_& m) {
   BindBatchReport(m);
+  nb::class_<BatchSnapshot>(m, "BatchSnapshot", "A moment of a batch, from `Batch.save`.")
+      .def("__len__", [](const BatchSnapshot& s) { return s.simulations.size(); })
+      .def("__repr__", [](const BatchSnapshot& s) {
+        return "<fork1s.BatchSnapshot of " + std::to_string(s.simulations.size()) + ">";
+      });
   nb::class_<Batch>(m, "Batch", kBatch)
       .def(
           "__init__",
@@ -265,17 +361,43 @@ void BindBatch(nb::module_& m) {
               "numpy.typing.ArrayLike | None = None, friction: numpy.typing.ArrayLike | None = None, mass: "
               "numpy.typing.ArrayLike | None = None, dt: float | None = None, keyframe: str | None = None, "
               "recovery: str = 'exact', detail: str = 'interface', integrator: str | None = None) -> None"))
-      .def("step", Step, nb::arg("controls") = nb::none(), nb::arg("steps") = 1, nb::kw_only(),
-           nb::arg("move") = false,
-           "Advances all by `steps` time steps. controls: (n, c), or (c,) for all, in the order of "
-           "`controls`; they "
-           "hold until changed, and None leaves them. A simulation that stops being finite stays where it "
-           "was. Ctrl-C ends the call after the steps at hand; members may then differ in `time`.\n\n"
-           "move: controls move linearly over the steps of the call, from where the last step left them "
-           "(after a start or a reset from their initial values), as samples of a path do; default: they are "
-           "held at once.",
-           nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1, *, "
-                   "move: bool = False) -> BatchReport"))
+      .def(
+          "step", Step, nb::arg("controls") = nb::none(), nb::arg("steps") = 1, nb::kw_only(),
+          nb::arg("move") = false, nb::arg("push") = nb::none(),
+          "Advances all by `steps` time steps. controls: (n, c), or (c,) for all, in the order of "
+          "`controls`; they "
+          "hold until changed, and None leaves them. A simulation that stops being finite stays where it "
+          "was. Ctrl-C ends the call after the steps at hand; members may then differ in `time`.\n\n"
+          "move: controls move linearly over the steps of the call, from where the last step left them "
+          "(after a start or a reset from their initial values), as samples of a path do; default: they are "
+          "held at once.\n\n"
+          "push: name of a body -> (3,) or (n, 3) forces [N], or (6,) or (n, 6) [torque; force], world axes, which "
+          "act on its origin through these steps.",
+          nb::sig("def step(self, controls: numpy.typing.ArrayLike | None = None, steps: int = 1, *, "
+                  "move: bool = False, push: collections.abc.Mapping[str, numpy.typing.ArrayLike] | None = "
+                  "None) -> BatchReport"))
+      .def("save", &Batch::Save, "The moment of all members, to come back to (`BatchSnapshot`).")
+      .def(
+          "restore", RestoreBatch, nb::arg("moment"), nb::arg("mask") = nb::none(), nb::kw_only(),
+          nb::arg("members") = nb::none(),
+          "Those whose entry in mask (n,) is true, all for None, go back to a moment; the same steps from there give "
+          "the same bits.\n\n"
+          "moment: of `Batch.save`, of this batch or another of the same model; or of `Simulation.save`, from which "
+          "all members start, where they have no factors of their own. members: (n,) which member of the moment each "
+          "takes, with its factors, as resampling does; default: its own. Seeds stay. Raises UsageError for moments of "
+          "another model or dt.",
+          nb::sig("def restore(self, moment: BatchSnapshot | Snapshot, mask: numpy.typing.ArrayLike | None = "
+                  "None, *, members: numpy.typing.ArrayLike | None = None) -> None"))
+      .def(
+          "set_state", SetBatchState, nb::arg("qpos") = nb::none(), nb::arg("qvel") = nb::none(),
+          nb::arg("mask") = nb::none(),
+          "Those whose entry in mask (n,) is true, all for None, go on from these positions (n, nq) or (nq,) and "
+          "velocities (n, nv) or (nv,) of the joints of the file, with their factors; time begins again. What is not "
+          "given stays. Loops are closed. Takes a millisecond each, on threads. Raises ModelError and leaves all as "
+          "they were where one cannot.",
+          nb::sig(
+              "def set_state(self, qpos: numpy.typing.ArrayLike | None = None, qvel: numpy.typing.ArrayLike | "
+              "None = None, mask: numpy.typing.ArrayLike | None = None) -> None"))
       .def(
           "reset", Reset, nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("seeds") = nb::none(),
           nb::arg("stiffness") = nb::none(), nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),
@@ -335,6 +457,11 @@ void BindBatch(nb::module_& m) {
       .def_prop_ro(
           "sensors", [](Batch& b) { return b.ReadSensors(); },
           "What the sensors of the file measure of each at the end of the last step, by name (`Sensors`): (n, k).")
+      .def_prop_ro(
+          "contacts", ContactsOf,
+          "Structured array of the contacts of all members that bear force: `fork1s.BATCH_CONTACT`, with the "
+          "`member` of each.",
+          nb::sig("def contacts(self) -> numpy.typing.NDArray[numpy.void]"))
       .def_prop_ro(
           "control_values",
           [](const Batch& b) {

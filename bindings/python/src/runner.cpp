@@ -226,27 +226,35 @@ Runner::Snapshot Runner::Save() {
   return snapshot;
 }
 
+Expected<void> FitsStep(double dt, const Simulation& simulation) {
+  if (dt == simulation.dt()) return {};
+  return Fail(ErrorCode::kUsage, "restore",
+              "the moment is of another dt, " + ShortNumber(dt) + " s, than the present " +
+                  ShortNumber(simulation.dt()) + " s; make what is to go back to it with that dt");
+}
+
+Expected<void> FitsStiffness(const Runner::Snapshot& snapshot, const Simulation& simulation) {
+  const auto stiffness = JointStiffnesses(simulation.scene());
+  // Of another scene where they are not the same joints, which Restore refuses.
+  if (stiffness.size() != snapshot.stiffness.size()) return {};
+  for (std::size_t i = 0; i < stiffness.size(); ++i) {
+    const auto& [joint, then] = snapshot.stiffness[i];
+    const double now = stiffness[i].second;
+    // Beyond rounding, which the shares of springs and servos leave where a stiffness is set back.
+    if (stiffness[i].first == joint && std::abs(now - then) > 1e-12 * std::max(now, then))
+      return Fail(ErrorCode::kUsage, "restore",
+                  "the moment is of another stiffness: joint '" + joint + "' had " + ShortNumber(then) +
+                      " and has " + ShortNumber(now) + "; call set_stiffness with that first");
+  }
+  return {};
+}
+
 void Runner::Restore(const Snapshot& snapshot) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   RefuseWhileRecording("restore");
-  const auto refuse = [](const std::string& why) {
-    throw Refused{{ErrorCode::kUsage, "restore", "the moment is of another " + why}};
-  };
-  if (snapshot.dt != simulation_.dt())
-    refuse("dt, " + ShortNumber(snapshot.dt) + " s, than this simulation, " + ShortNumber(simulation_.dt()) +
-           " s; make a simulation of that dt");
-  const auto stiffness = JointStiffnesses(simulation_.scene());
-  // Of another scene where they are not the same joints, which is refused below.
-  if (stiffness.size() == snapshot.stiffness.size())
-    for (std::size_t i = 0; i < stiffness.size(); ++i)
-      if (stiffness[i].first == snapshot.stiffness[i].first &&
-          // Beyond rounding, which the shares of springs and servos leave where a stiffness is set back.
-          std::abs(stiffness[i].second - snapshot.stiffness[i].second) >
-              1e-12 * std::max(stiffness[i].second, snapshot.stiffness[i].second))
-        refuse("stiffness: joint '" + stiffness[i].first + "' had " +
-               ShortNumber(snapshot.stiffness[i].second) + " and has " + ShortNumber(stiffness[i].second) +
-               "; call set_stiffness with that first");
+  ValueOrThrow(FitsStep(snapshot.dt, simulation_));
+  ValueOrThrow(FitsStiffness(snapshot, simulation_));
   ValueOrThrow(simulation_.Restore(snapshot.simulation), model_->origin());
   time_before_ = snapshot.time_before;
   pushes_ = snapshot.pushes;

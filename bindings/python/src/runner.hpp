@@ -141,4 +141,9 @@ class Runner {
   double state_change_ = 0;  // rad or m
 };
 
+/// Errors: kUsage where a moment is of another dt [s] than the simulation.
+Expected<void> FitsStep(double dt, const Simulation& simulation);
+/// Errors: kUsage where joints of the simulation have another stiffness than at that moment.
+Expected<void> FitsStiffness(const Runner::Snapshot& snapshot, const Simulation& simulation);
+
 }  // namespace fork1s::python
