@@ -31,7 +31,7 @@ for name in sys.argv[1:]:
     model = fork1s.load(Path(__file__).resolve().parents[1] / "scenes" / f"{name}.xml")
     sim = fork1s.Simulation(model, dt=1 / 60)
     sim.step(60)
-    inputs = [control for control in sim.controls if not sim.controls.drives_base(control)]
+    inputs = [control for control in sim.controls if sim.controls.kind(control) == "actuator"]
     rows = {control: np.full(STEPS, sim.controls[control]) for control in inputs}
     body = max(sim.bodies, key=lambda body: sim.pose(body)[2, 3])
 

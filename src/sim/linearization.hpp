@@ -68,12 +68,12 @@ class Linearization {
   Simulation& simulation_;
   const LinearizeOptions options_;
   const StepOptions given_;
-  const Simulation::Snapshot start_;
+  const Simulation::Snapshot start_, closed_start_;  // as it was, and with loops closed to rounding
   Simulation::Snapshot moved_;
   std::vector<MatrixX> inverses_;  // per mechanism, of the rows of dq/dz of its independent joints
   Eigen::Index size_ = 0;          // N
   std::vector<Force> forces_;
-  // Variables: δx [N + q], inputs [m], where controls move their starts [m]. By how much each is varied, and derivatives.
+  // Variables: δx [N + q], inputs [m], their starts [m]. By how much each is varied, and derivatives.
   VectorX change_;
   MatrixX next_, outcome_;
   int taken_ = 0;      // steps: at x*, to both sides of each variable, and along all of them

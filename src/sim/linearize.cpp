@@ -98,6 +98,19 @@ void Move(const Reference& from, const MatrixX& inverse, const VectorX& p, const
   state.reduced.V_R = InAxes(state.reduced.X_WR.rotation().transpose(), from.V + v.tail<6>());
 }
 
+// The moment with loops closed to rounding, as in all states beside it.
+Simulation::Snapshot CloseLoops(Simulation::Snapshot moment) {
+  for (MechanismState& state : moment.world.mechanisms) {
+    if (state.mu.size() == 0) continue;
+    Configuration at(*state.model);
+    at.closing_tolerance = kClosedToRounding;
+    at.mu = state.mu;
+    Configure(*state.model, state.reduced, at);
+    state.mu = at.mu;
+  }
+  return moment;
+}
+
 void Move(const Reference& from, const FreeBody& body, const VectorX& p, const VectorX& v,
           FreeBody::State& state) {
   const Vector6 V = from.V + v;
@@ -182,9 +195,11 @@ Linearization::Linearization(Simulation& simulation, LinearizeOptions options)
     : simulation_(simulation),
       options_(std::move(options)),
       given_(simulation.step_options()),
-      start_(simulation.Save()) {
+      start_(simulation.Save()),
+      closed_start_(CloseLoops(start_)) {
   simulation.step_options().refresh = false;
   simulation.step_options().newton_tolerance = kToRounding;
+  Restore(closed_start_);
   ListCoordinates();
   ListForces();
   ListInputs();
@@ -216,7 +231,8 @@ Expected<std::unique_ptr<Linearization>> Linearization::Begin(Simulation& simula
     return refuse("bodies are held by frozen contacts; let them go by another level of detail");
   std::unique_ptr<Linearization> out(new Linearization(simulation, std::move(options)));
   if (out->options_.end)
-    if (auto done = simulation.Restore(*out->options_.end); !done) return tl::unexpected(done.error());
+    if (auto done = simulation.Restore(CloseLoops(*out->options_.end)); !done)
+      return tl::unexpected(done.error());
   out->counts_from_ = out->StateAt(out->options_.end ? *out->options_.end : out->start_);
   out->next_.resize(out->size_ + static_cast<Eigen::Index>(out->counts_from_.forces.size()),
                     out->change_.size());
@@ -266,7 +282,7 @@ void Linearization::ListBase(const std::string& name, double length, std::vector
 
 void Linearization::ListInputs() {
   const auto size = change_.size(), m = static_cast<Eigen::Index>(options_.inputs->size()),
-             m_start = options_.controls_move ? m : 0;
+             m_start = options_.start_controls ? m : 0;
   change_.conservativeResize(size + m + m_start);
   for (Eigen::Index k = 0; k < m; ++k) {
     const int input = (*options_.inputs)[static_cast<std::size_t>(k)];
@@ -388,7 +404,7 @@ VectorX Linearization::VariationOf(int step) const {
 }
 
 void Linearization::MoveTo(const VectorX& variation) {
-  moved_ = start_;
+  moved_ = closed_start_;
   const auto n = static_cast<Eigen::Index>(out_.coordinates.size()),
              m = static_cast<Eigen::Index>(out_.inputs.size()),
              size = size_ + static_cast<Eigen::Index>(forces_.size());
@@ -406,7 +422,7 @@ void Linearization::MoveTo(const VectorX& variation) {
   for (Eigen::Index k = 0; k < m; ++k) {
     const int input = (*options_.inputs)[static_cast<std::size_t>(k)];
     moved_.controls(input) += variation(size + k);
-    if (options_.controls_move) moved_.last_controls(input) += variation(size + m + k);
+    if (options_.start_controls) moved_.last_controls(input) += variation(size + m + k);
   }
   Eigen::Index at = 0, activation = 2 * n;
   const auto part = [&](const Reference& of) {
@@ -435,14 +451,6 @@ void Linearization::Restore(const Simulation::Snapshot& moment) {
 
 Expected<bool> Linearization::Advance() {
   const auto variables = static_cast<int>(change_.size());
-  if (taken_ > 1 && taken_ % 2 == 0 && taken_ <= 2 * variables && options_.one_sided &&
-      WhatSwitched(sides_[0].report, sides_[0].report).empty()) {
-    // The other side is as far from x* as this one.
-    sides_[1].dx = 2 * at_rest_.dx - sides_[0].dx;
-    sides_[1].outcome = 2 * at_rest_.outcome - sides_[0].outcome;
-    sides_[1].report = sides_[0].report;
-    ++taken_;
-  }
   if (taken_ > 0 && taken_ % 2 == 1) CompareSides((taken_ - 1) / 2 - 1);
   const bool along_all = taken_ > 2 * variables;
   if (taken_ > 2 * variables + 2 || (along_all && !out_.switches.empty())) return false;

@@ -1,5 +1,7 @@
 """Many simulations as one: the same as each alone, for any number of threads."""
 
+import copy
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -298,6 +300,7 @@ def test_states_pushes_and_contacts_of_members(gripper):
     batch.step(steps=5)
     sim.step(5)
     assert batch.hashes()[1] == sim.hash()
+    assert_array_equal(copy.deepcopy(batch).hashes(), batch.hashes())
 
     forces = np.outer([0.0, 0.1, 0.2, 0.3], [0, 0, 1])
     batch = fork1s.Batch(gripper, 4, dt=1 / 60)

@@ -1,6 +1,9 @@
 """Gradients of runs: the matrices of the scheme, differences of whole runs, limits, refusals."""
 
 import copy
+import signal
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -208,6 +211,10 @@ def test_by_parameters_of_the_model():
         SPRING, lambda model, point: [2 * point["a"], point["a"] * point["b"]], {"a": 3, "b": 5}
     )
     np.testing.assert_allclose(table.jacobian(), [[2, 0], [5, 3]], rtol=1e-9)
+    beside = fork1s.parameter_gradient(
+        SPRING, lambda model, point: [1e3 * point["a"], abs(point["a"] - 3)], {"a": 3.0}
+    )
+    assert beside.bends["a"] > 1
     bent = fork1s.parameter_gradient(SPRING, lambda model, point: abs(point["a"] - 3), {"a": 3.0})
     assert bent.bends["a"] > 1 and bent.value == 0
     with pytest.raises(fork1s.UsageError, match="shape"):
@@ -225,6 +232,112 @@ def test_tolerance_stays_with_the_simulation():
     assert copy.deepcopy(sim).newton_tolerance == 1e-12
     with pytest.raises(fork1s.UsageError, match="newton_tolerance"):
         sim.newton_tolerance = 0
+
+
+def by_differences(sim, cost, rows, name, row, change=1e-5):
+    other = copy.deepcopy(sim)
+    other.newton_tolerance = 1e-15
+    there = other.save()
+    values = []
+    for by in (change, -change):
+        other.restore(there)
+        value = 0.0
+        for k, u in enumerate(rows):
+            other.controls[name] = u + (by if k == row else 0)
+            other.step()
+            value += cost(other)
+        values.append(value)
+    return (values[0] - values[1]) / (2 * change)
+
+
+SERVO = """
+<mujoco>
+  <worldbody>
+    <body><joint name="hinge" damping="0.02" armature="1e-6"/><geom size="0.01" pos="0.02 0 0" mass="0.01"/></body>
+  </worldbody>
+  <actuator><position name="servo" joint="hinge" kp="5"/></actuator>
+</mujoco>
+"""
+
+
+def test_of_a_stiff_servo_whose_held_set_point_jumps():
+    # The first stage takes a share of the jump, which depends on where the set-point was before.
+    sim = fork1s.Simulation(fork1s.load(SERVO), dt=1 / 60)
+    rows = [0.3, 0.1, 0.1, 0.4, 0.2, 0.2]
+
+    def angle(at):
+        return at.qpos[0]
+
+    found = fork1s.run_gradient(sim, angle, {"servo": rows})
+    assert found.difference < 1e-5
+    for row in (0, 2):
+        assert found.controls[row, 0] == pytest.approx(
+            by_differences(sim, angle, rows, "servo", row), rel=1e-5
+        )
+
+
+def test_of_loops_that_a_run_leaves_open_by_its_tolerance(scenes):
+    sim = fork1s.Simulation(fork1s.load(scenes / "vehicle.xml"), dt=1 / 60)
+    sim.step(30)
+    name = next(iter(sim.controls))
+    rows = [sim.controls[name] + 0.02 * (-1) ** k for k in range(6)]
+
+    def moved(at):
+        return float(at.poses[:, :3].sum()) + 0.01 * float(at.qvel @ at.qvel)
+
+    found = fork1s.run_gradient(sim, moved, {name: rows})
+    assert found.switches == [] and found.difference < 1e-4
+    assert found.controls[1, 0] == pytest.approx(by_differences(sim, moved, rows, name, 1), rel=1e-4)
+
+
+def test_pushes_are_left_out():
+    sim = spring()
+    alone = fork1s.run_gradient(sim, squared, {"push": [0.1, 0.2]})
+    sim.push("mass", force=[50, 0, 0])
+    pushed = fork1s.run_gradient(sim, squared, {"push": [0.1, 0.2]})
+    assert pushed.value == alone.value
+    np.testing.assert_array_equal(pushed.controls, alone.controls)
+    sim.step()
+    assert sim.qpos[0] > 1e-3  # and wait for the next step
+
+
+def test_at_a_limit_it_is_that_inwards():
+    found = fork1s.run_gradient(spring(), squared, {"push": [0.5, 1.0, -1.0, 0.3]})
+    assert (found.controls[:, 0] != 0).all() and found.difference < 1e-5
+
+
+WELD = """
+<mujoco>
+  <worldbody>
+    <body name="hook"><joint name="lift" type="slide" axis="0 0 1"/><geom size="0.02" mass="1"/></body>
+    <body name="load" pos="0 0 -0.1"><freejoint/><geom size="0.02" mass="0.1"/></body>
+  </worldbody>
+  <equality><weld name="grab" body1="hook" body2="load" active="false"/></equality>
+  <actuator><motor name="lift" joint="lift"/></actuator>
+</mujoco>
+"""
+
+
+def test_switches_are_no_inputs():
+    sim = fork1s.Simulation(fork1s.load(WELD), dt=1 / 60)
+    assert [sim.controls.kind(name) for name in ("lift", "grab")] == ["actuator", "switch"]
+    rows = {"lift": [10.0, 11.0], "grab": [0, 1]}
+    with pytest.raises(fork1s.UsageError, match="'grab' is a switch"):
+        fork1s.run_gradient(sim, lambda at: at.qpos[0], rows)
+    assert fork1s.run_gradient(sim, lambda at: at.qpos[0], rows, inputs=["lift"]).difference < 1e-4
+
+
+def test_an_interrupt_ends_all_threads(scenes):
+    sim = fork1s.Simulation(fork1s.load(scenes / "hand.xml"), dt=1 / 60)
+    names = [name for name in sim.controls if sim.controls.kind(name) == "actuator"]
+    rows = {name: np.zeros(2000) for name in names}
+    timer = threading.Timer(1.0, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        fork1s.run_gradient(sim, lambda at: 0.0, rows)
+    # All of it takes over ten seconds; a step's share is hundredths.
+    assert time.monotonic() - began < 5
 
 
 def test_what_is_wrong_is_told_and_changes_nothing():
@@ -245,6 +358,24 @@ def test_what_is_wrong_is_told_and_changes_nothing():
         fork1s.run_gradient(sim, lambda at: np.nan, rows)
     with pytest.raises(ZeroDivisionError):
         fork1s.run_gradient(sim, lambda at: 1 / 0, rows, threads=1)
+    for wrong in (
+        {"steps": 0},
+        {"steps": 1.5},
+        {"threads": 0},
+        {"inputs": "push"},
+        {"inputs": []},
+        {"change": 0},
+    ):
+        with pytest.raises(fork1s.UsageError, match=next(iter(wrong))):
+            fork1s.run_gradient(sim, squared, rows, **wrong)
+    for wrong in ({"change": 0}, {"change": np.nan}):
+        with pytest.raises(fork1s.UsageError, match="change"):
+            fork1s.parameter_gradient(SPRING, lambda model, point: 0.0, {"a": 1.0}, **wrong)
+    for point in ({}, {"a": np.nan}):
+        with pytest.raises(fork1s.UsageError, match="point"):
+            fork1s.parameter_gradient(SPRING, lambda model, point: 0.0, point)
+    with pytest.raises(fork1s.UsageError, match="another dt"):
+        sim.linearize(end=fork1s.Simulation(fork1s.load(SPRING), dt=0.01).save())
     assert sim.hash() == before and sim.newton_tolerance == 1e-6
     hand = fork1s.Simulation(fork1s.load(fork1s.scene("hand")), dt=1 / 60)
     with pytest.raises(fork1s.UsageError, match="driven base"):
@@ -253,7 +384,9 @@ def test_what_is_wrong_is_told_and_changes_nothing():
 
 def test_outcome_of_a_step_is_differentiated():
     sim = spring()
-    step = sim.linearize(outcome=lambda at: [at.joint_displacements[0], at.joint_rates[0] ** 2], move=True)
+    step = sim.linearize(
+        outcome=lambda at: [at.joint_displacements[0], at.joint_rates[0] ** 2], move=True, start_controls=True
+    )
     np.testing.assert_allclose(step.outcome_A[0], step.A[0], rtol=1e-9)
     np.testing.assert_allclose(step.outcome_B[0] + step.outcome_B_start[0], step.B[0] + step.B_start[0])
     np.testing.assert_allclose(step.outcome_A[1], 0, atol=1e-9)  # at rest

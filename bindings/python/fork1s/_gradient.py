@@ -14,8 +14,9 @@ from __future__ import annotations
 import copy
 import math
 import os
+import threading
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -91,22 +92,25 @@ class ParameterGradient:
 
 
 class _Path(NamedTuple):
-    """Controls of all steps: ends = offset + weights @ rows, in the columns of the simulation's controls."""
+    """Controls at the end of all steps: of step k share[k] of row row[k], and the rest of the one before."""
 
     rows: Array  # (T, m)
-    columns: list[int]
-    weights: Array  # (steps, T)
-    offset: Array  # (steps, m)
+    columns: list[int]  # of the controls of the simulation
+    row: npt.NDArray[np.int64]  # (steps,)
+    share: Array  # (steps, 1)
+    start: Array  # (m,) before the first row
     move: bool
 
     def ends(self, rows: Array) -> Array:
-        return self.offset + self.weights @ rows
+        before = np.vstack([self.start, rows])[self.row]
+        return np.asarray(self.share * rows[self.row] + (1 - self.share) * before)
 
-
-class _Step(NamedTuple):
-    found: _core.LinearizedStep
-    free: npt.NDArray[np.bool_]
-    """(m) inputs that are within their limits: beyond, changes change nothing."""
+    def by_rows(self, by_ends: Array) -> Array:
+        """Derivatives by the rows of what has these by the ends of all steps."""
+        by = np.zeros((len(self.rows) + 1, by_ends.shape[1]))
+        np.add.at(by, self.row + 1, self.share * by_ends)
+        np.add.at(by, self.row, (1 - self.share) * by_ends)
+        return by[1:]
 
 
 def run_gradient(
@@ -117,7 +121,7 @@ def run_gradient(
     inputs: Sequence[str] | None = None,
     steps: int = 1,
     move: bool = False,
-    change: float = 1e-8,
+    change: float = 1e-6,
     threads: int | None = None,
 ) -> RunGradient:
     """What a run from the present state on comes to, and its gradient by every control of every row and by the state.
@@ -128,10 +132,10 @@ def run_gradient(
         found = fork1s.run_gradient(sim, height, {"grip": np.linspace(0, 0.4, 60)})
         found.value, found.controls                                # m; (60, 1) m per unit of the control
 
-    Through contact, stops and loops, as the steps themselves are: nothing is smoothed. Each step takes about
-    N + q + m + 3 more for N of the state, q forces of friction and m inputs, solved to rounding and spread over threads
-    (`Simulation.linearize`, to one side). By controls beyond their limits
-    the derivative is 0.
+    Through contact, stops and loops, as the steps themselves are: nothing is smoothed. Each step takes
+    2 (N + q + 2 m) + 3 more for N of the state, q forces of friction and m inputs, solved to rounding and spread over
+    threads (`Simulation.linearize`). By controls beyond their limits the derivative is 0, at a limit that inwards. Pushes are
+    left out.
 
     Args:
         sim: at the start of the run; it is left as it was.
@@ -141,7 +145,7 @@ def run_gradient(
         controls: (T, m) rows in the order of `sim.controls`, or a mapping from names to (T,); those that are not named
             keep their values.
         inputs: names of the controls by which to differentiate; default: all that are given. Coordinates of a driven
-            base are refused: how it moves follows from several rows.
+            base and switches are refused.
         steps: of each row.
         move: controls move linearly from row to row, from those of the last step, instead of being held.
         change: as of `linearize`.
@@ -152,51 +156,63 @@ def run_gradient(
         UsageError: for controls of other shapes than these.
         UnknownNameError: for names that are not those of controls.
     """
+    if not isinstance(steps, int) or steps < 1:
+        raise UsageError(f"steps = {steps!r}; give a whole number of 1 or more")
+    if threads is not None and (not isinstance(threads, int) or threads < 1):
+        raise UsageError(f"threads = {threads!r}; give a whole number of 1 or more, or None for all cores")
+    if isinstance(inputs, str):
+        raise UsageError(f"inputs = {inputs!r}; give a sequence of names")
     path = _path_of(sim, controls, steps, move)
     names = list(sim.controls)
+    given = [names[i] for i in path.columns]
     if inputs is None:
-        inputs = [names[i] for i in path.columns]
-    places = _places(inputs, [names[i] for i in path.columns], "inputs")  # among the columns of the path
-    columns = [path.columns[i] for i in places]
-    driven = [name for name in inputs if sim.controls.drives_base(name)]
-    if driven:
-        raise UsageError(
-            f"inputs: '{driven[0]}' is a coordinate of a driven base, which is not differentiated; name the others in "
-            "`inputs`"
-        )
+        inputs = given
+    places = _places(inputs, given, "inputs")  # among the columns of the path
+    why = {
+        "base": "a coordinate of a driven base, whose motion follows from several rows",
+        "switch": "a switch, which is on or off",
+    }
+    for name in inputs:
+        if (kind := sim.controls.kind(name)) in why:
+            raise UsageError(
+                f"inputs: '{name}' is {why[kind]}: it is not differentiated; name the others in `inputs`"
+            )
+    if not inputs:
+        raise UsageError("inputs: there is nothing to differentiate by; name at least one control")
 
-    total = len(path.weights)
+    total = len(path.row)
     # Copies have neither recordings nor error estimates.
     copies = [copy.deepcopy(sim) for _ in range(min(threads or _cores(), total))]
+    for copied in copies:
+        copied.step(0)  # pending pushes are left out
     moments, value = _run(copies[0], cost, path, path.rows)
     ends = path.ends(path.rows)
+    lower, upper = _limits(copies[0])
+    free = (ends >= lower[path.columns]) & (ends <= upper[path.columns])
 
-    def linearize(worker: _core.Simulation, k: int) -> _Step:
+    def linearize(worker: _core.Simulation, k: int) -> _core.LinearizedStep:
         worker.restore(moments[k])
         _set(worker, path, ends[k])
-        free = worker.control_values[columns] == ends[k][places]
-        step = worker.linearize(
-            inputs=list(inputs),
+        return worker.linearize(
+            inputs=inputs,
             change=change,
             move=move,
             end=moments[k + 1],
             friction_forces=True,
-            one_sided=True,
+            start_controls=True,
             outcome=lambda at: _number(cost(at), f"the cost after step {k}"),
         )
-        return _Step(step, free)
 
-    taken = _over_threads(copies, linearize, total)
-    found = [step.found for step in taken]
+    found = _over_threads(copies, linearize, total)
     by_ends = np.zeros((total, len(inputs)))
     costate = np.zeros(found[-1].A.shape[0])
     for k in reversed(range(total)):
         step = found[k]
-        by_ends[k] += taken[k].free * (step.outcome_B[0] + costate @ step.B)
-        if move and k > 0:
-            by_ends[k - 1] += taken[k - 1].free * (step.outcome_B_start[0] + costate @ step.B_start)
+        by_ends[k] += step.outcome_B[0] + costate @ step.B
+        if k > 0:
+            by_ends[k - 1] += step.outcome_B_start[0] + costate @ step.B_start
         costate = step.outcome_A[0] + costate @ step.A
-    gradient = path.weights.T @ by_ends
+    gradient = path.by_rows(by_ends * free[:, places])
     return RunGradient(
         value=value,
         controls=gradient,
@@ -206,7 +222,7 @@ def run_gradient(
         switches=[
             RunSwitch(k, s.of, s.share, s.change) for k, step in enumerate(found) for s in step.switches
         ],
-        difference=_difference(copy.deepcopy(sim), cost, path, places, gradient),
+        difference=_difference(copies[0], cost, path, places, gradient, moments[0]),
     )
 
 
@@ -242,21 +258,13 @@ def _path_of(
                 f"controls: the shape is {rows.shape}; it has to be (rows, {len(names)}), a column for each of "
                 f"{', '.join(names)}"
             )
-    if len(rows) == 0 or steps < 1:
-        raise UsageError("controls: there is no step to take; give at least one row, and steps of 1 or more")
+    if len(rows) == 0:
+        raise UsageError("controls: there is no step to take; give at least one row")
     if not np.isfinite(rows).all():
         raise UsageError("controls: there are numbers that are not finite")
-    total = len(rows) * steps
-    weights = np.zeros((total, len(rows)))
-    offset = np.zeros((total, len(columns)))
-    for k in range(total):
-        row, share = k // steps, (k % steps + 1) / steps if move else 1.0
-        weights[k, row] = share
-        if row > 0:
-            weights[k, row - 1] = 1 - share
-        elif move:
-            offset[k] = (1 - share) * sim.start_controls[columns]
-    return _Path(rows, columns, weights, offset, move)
+    row, within = np.divmod(np.arange(len(rows) * steps), steps)
+    share = (within[:, None] + 1) / steps if move else np.ones((len(row), 1))
+    return _Path(rows, columns, row, share, sim.start_controls[columns], move)
 
 
 def _places(names: Sequence[str], known: Sequence[str], argument: str) -> list[int]:
@@ -288,34 +296,70 @@ def _run(
     return moments, value
 
 
-def _over_threads(
-    copies: list[_core.Simulation], work: Callable[[_core.Simulation, int], _Step], count: int
-) -> list[_Step]:
-    """work(simulation, k) for all k, each simulation in a thread of its own."""
+def _limits(copied: _core.Simulation) -> tuple[Array, Array]:
+    """Of all controls: what values far beyond are moved to."""
+    now, far = copied.control_values, 1e300
+    ends = []
+    for side in (-far, far):
+        copied.control_values = np.full(len(now), side)
+        ends.append(copied.control_values)
+    copied.control_values = now
+    return ends[0], ends[1]
 
-    def share(i: int) -> list[_Step]:
-        return [work(copies[i], k) for k in range(i, count, len(copies))]
+
+def _over_threads(
+    copies: list[_core.Simulation], work: Callable[[_core.Simulation, int], _core.LinearizedStep], count: int
+) -> list[_core.LinearizedStep]:
+    """work(simulation, k) for all k, each simulation in a thread of its own."""
+    ends_early = threading.Event()
+
+    def share(i: int) -> list[_core.LinearizedStep]:
+        done = []
+        for k in range(i, count, len(copies)):
+            if ends_early.is_set():
+                break
+            try:
+                done.append(work(copies[i], k))
+            except BaseException:
+                ends_early.set()
+                raise
+        return done
 
     with ThreadPoolExecutor(len(copies)) as pool:
-        shares = list(pool.map(share, range(len(copies))))
+        futures = [pool.submit(share, i) for i in range(len(copies))]
+        try:
+            # By turns, since a signal that meets another thread does not end a wait of this one.
+            while wait(futures, timeout=0.05).not_done:
+                pass
+        except BaseException:
+            ends_early.set()
+            raise
+    shares = [future.result() for future in futures]
     return [shares[k % len(copies)][k // len(copies)] for k in range(count)]
 
 
 def _difference(
-    copied: _core.Simulation, cost: Cost, path: _Path, places: list[int], gradient: Array
+    copied: _core.Simulation,
+    cost: Cost,
+    path: _Path,
+    places: list[int],
+    gradient: Array,
+    start: _core.Snapshot,
 ) -> float:
-    """Along a direction in which all inputs of all rows change, of changing signs."""
-    direction = np.zeros_like(path.rows)
-    signs = np.random.default_rng(1).choice([-1.0, 1.0], gradient.shape)
-    direction[:, places] = signs * np.maximum(1.0, np.abs(path.rows[:, places]))
-    copied.newton_tolerance = TO_ROUNDING
+    """Along a direction in which all inputs of all rows change, of changing signs, but those at their limits."""
     change = 1e-6  # to both sides
+    rows = path.rows[:, places]
+    lower, upper = (limits[path.columns][places] for limits in _limits(copied))
+    by = np.random.default_rng(1).choice([-1.0, 1.0], gradient.shape) * np.maximum(1.0, np.abs(rows))
+    by *= (rows - change * np.abs(by) >= lower) & (rows + change * np.abs(by) <= upper)
+    direction = np.zeros_like(path.rows)
+    direction[:, places] = by
+    copied.newton_tolerance = TO_ROUNDING
+    copied.restore(start)
     values = [_run(copied, cost, path, path.rows + side * change * direction)[1] for side in (1, -1)]
-    told = float((gradient * direction[:, places]).sum())
-    scale = float(np.abs(gradient * direction[:, places]).max())
+    off = abs((values[0] - values[1]) / (2 * change) - float((gradient * by).sum()))
     rounding = 1e-14 * abs(values[0]) / change
-    off = abs((values[0] - values[1]) / (2 * change) - told)
-    return off / scale if off > rounding else 0.0
+    return off / float(np.abs(gradient * by).max()) if off > rounding else 0.0
 
 
 def parameter_gradient(
@@ -352,6 +396,10 @@ def parameter_gradient(
         UsageError: for a metric that is not finite, or of several shapes; else what the metric raises.
     """
     at = {name: float(value) for name, value in point.items()}
+    if not at or not np.isfinite(list(at.values())).all():
+        raise UsageError(f"the point is {at}; give at least one parameter, and finite values")
+    if not 1e-12 < change < 0.1:
+        raise UsageError(f"change = {change}; give a share between 1e-12 and 0.1")
     changes = {name: change * (abs(value) or 1.0) for name, value in at.items()}
     points = [at] + [{**at, name: at[name] + side * changes[name]} for name in at for side in (1, -1)]
 
@@ -360,8 +408,8 @@ def parameter_gradient(
 
     def value(i: int) -> Array:
         found = np.asarray(metric(models[i], dict(points[i])), dtype=float)
-        if not np.isfinite(found).all():
-            raise UsageError(f"the metric at {points[i]} is {found}; it has to be finite")
+        if found.size == 0 or not np.isfinite(found).all():
+            raise UsageError(f"the metric at {points[i]} is {found}; it has to be at least one finite number")
         return found
 
     with ThreadPoolExecutor(min(threads or _cores(), len(points))) as pool:
@@ -375,7 +423,11 @@ def parameter_gradient(
     for i, name in enumerate(at):
         up, down = values[1 + 2 * i], values[2 + 2 * i]
         by[name] = (up - down) / (2 * changes[name])
-        moved, bent = np.abs(up - down).max(), np.abs(up - 2 * values[0] + down).max()
-        if bent > 0.01 * moved + 1e-12 * np.abs(values[0]).max():
-            bends[name] = float(bent / moved) if moved > 0 else math.inf
+        moved, bent = np.abs(up - down), np.abs(up - 2 * values[0] + down)
+        # What rounding leaves of the largest number is no bend.
+        bent = np.where(bent > 1e-12 * np.abs(values[0]).max(), bent, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = float(np.nan_to_num(bent / moved, nan=0, posinf=math.inf).max())
+        if share > 0.01:
+            bends[name] = share
     return ParameterGradient(values[0], by, bends)

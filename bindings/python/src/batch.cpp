@@ -309,7 +309,7 @@ void Batch::SetState(const std::vector<char>& mask, const double* qpos, const do
     velocities += joint.num_velocities();
   }
   ReleasedGil gil;
-  std::vector<std::optional<Simulation>> next(static_cast<std::size_t>(count_));
+  std::vector<std::optional<Simulation::Snapshot>> next(static_cast<std::size_t>(count_));
   std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));
   WithCallMutex(mutex_, "Batch", [&] {
     const bool complete = MakeOnThreads(gil, [&](int i) {
@@ -325,17 +325,22 @@ void Batch::SetState(const std::vector<char>& mask, const double* qpos, const do
         return;
       }
       auto restarted = fork1s::internal::RestartAt(simulation, state, model_->scene().keyframes.size());
-      if (restarted)
-        next[at] = std::move(restarted->simulation);
-      else
+      if (!restarted) {
         errors[at] = restarted.error();
+        return;
+      }
+      // In the member's own scene, which has no keyframe more.
+      const Simulation::Snapshot own = simulation.Save();
+      next[at] = restarted->simulation.Save();
+      next[at]->made_of = own.made_of;
+      next[at]->keyframe = own.keyframe;
     });
     for (std::optional<Error>& error : errors)
       if (error) throw Refused{std::move(*error)};
     if (!complete) return;
     for (std::size_t i = 0; i < next.size(); ++i) {
       if (!next[i]) continue;
-      simulations_[i] = std::move(*next[i]);
+      ValueOrThrow(simulations_[i].Restore(*next[i]));
       sensors_[i].reset();
     }
   });

@@ -33,6 +33,17 @@ void SetControl(Runner& runner, const std::string& name, const Real& given) {
   runner.With([&](Simulation& s) { s.SetControl(at, value); });
 }
 
+std::string Kind(const Controls& c, const std::string& name) {
+  const int at = c.runner->FindControl(name);
+  return c.runner->With([&](Simulation& s) {
+    if (s.DrivesBase(at)) return "base";
+    for (const MechanismDef& m : s.scene().mechanisms)
+      for (const SwitchedClosureDef& closure : m.switched_closures)
+        if (closure.control == name) return "switch";
+    return "actuator";
+  });
+}
+
 void SetRate(const Controls& c, const std::string& name, const Real& given) {
   const double rate = given.Read("rate of '" + name + "'");
   const int at = c.runner->FindControl(name);
@@ -105,12 +116,8 @@ rad or m for position servos, N or N·m for motors. A driven base has six of its
               nb::arg("values"), "Sets several at once.",
               nb::sig("def update(self, values: dict[str, float]) -> None"))
           .def(
-              "drives_base",
-              [](const Controls& c, const std::string& name) {
-                const int at = c.runner->FindControl(name);
-                return c.runner->With([&](Simulation& s) { return s.DrivesBase(at); });
-              },
-              nb::arg("name"), "Whether it is a coordinate of a driven base.")
+              "kind", Kind, nb::arg("name"),
+              "'actuator', 'base', a coordinate of a driven base, or 'switch', of a weld or connect that is switched.")
           .def(
               "set_rate", SetRate, nb::arg("name"), nb::arg("rate"),
               "The rate, m/s or that of the rotation vector in rad/s, that a coordinate of a driven base has "

@@ -24,14 +24,17 @@ VectorX Measure(const nb::object& outcome, nb::handle simulation) {
 
 LinearizedStep LinearizeStep(nb::handle_t<Runner> self, const nb::object& outputs, const nb::object& inputs,
                              const Real& change, bool move, const Runner::Snapshot* end, bool friction_forces,
-                             bool one_sided, const nb::object& outcome) {
+                             bool start_controls, const nb::object& outcome) {
   Runner& runner = nb::cast<Runner&>(self);
   LinearizeOptions options;
   options.change = change.Read("change");
   options.controls_move = move;
   options.friction_forces = friction_forces;
-  options.one_sided = one_sided;
-  if (end) options.end = end->simulation;
+  options.start_controls = start_controls;
+  if (end) {
+    ValueOrThrow(runner.With([&](Simulation& s) { return FitsStep(end->dt, s); }));
+    options.end = end->simulation;
+  }
   for (const std::string& body :
        ReadAs<std::vector<std::string>>(outputs, "outputs", "a sequence of body names"))
     options.outputs.push_back(runner.FindBody(body));
@@ -98,7 +101,7 @@ dynamics, k of them; N = 2n + k.)")
           "B", [](const LinearizedStep& s) { return OwnMatrix(s.B); }, "(N, m)", kOwn)
       .def_prop_ro(
           "B_start", [](const LinearizedStep& s) { return OwnMatrix(s.B_start); },
-          "(N, m) by controls at the start of the step, where they move, else (N, 0).", kOwn)
+          "(N, m) by controls at the start of the step, where asked for, else (N, 0).", kOwn)
       .def_prop_ro(
           "outcome", [](const LinearizedStep& s) { return OwnVector(s.outcome); },
           "(o,) What was measured after the step from x* with u*.", kOwn)
@@ -110,14 +113,15 @@ dynamics, k of them; N = 2n + k.)")
           "(o, m) Its derivative by du.", kOwn)
       .def_prop_ro(
           "outcome_B_start", [](const LinearizedStep& s) { return OwnMatrix(s.outcome_B_start); },
-          "(o, m) Its derivative by controls at the start of the step, where they move, else (o, 0).", kOwn)
+          "(o, m) Its derivative by controls at the start of the step, where asked for, else (o, 0).", kOwn)
       .def_prop_ro(
           "c", [](const LinearizedStep& s) { return OwnVector(s.c); }, "(N,) 0 at rest.", kOwn)
       .def_prop_ro(
           "C", [](const LinearizedStep& s) { return OwnMatrix(s.C); },
           "(l, N): rotation vector [rad] and displacement [m] of the bodies asked for, world axes.", kOwn)
       .def_prop_ro(
-          "controls", [](const LinearizedStep& s) { return OwnVector(s.controls); }, "(m,) u*", kOwn)
+          "controls", [](const LinearizedStep& s) { return OwnVector(s.controls); },
+          "(c,) u* of all controls.", kOwn)
       .def_ro(
           "switches", &LinearizedStep::switches,
           "Columns on a switch, where a contact or stop opens, friction begins to slide, or a force meets its "
@@ -139,26 +143,27 @@ dynamics, k of them; N = 2n + k.)")
   simulation.def(
       "linearize", LinearizeStep, nb::arg("outputs") = nb::make_tuple(), nb::kw_only(),
       nb::arg("inputs") = nb::none(), nb::arg("change") = 1e-6, nb::arg("move") = false,
-      nb::arg("end") = nb::none(), nb::arg("friction_forces") = false, nb::arg("one_sided") = false,
+      nb::arg("end") = nb::none(), nb::arg("friction_forces") = false, nb::arg("start_controls") = false,
       nb::arg("outcome") = nb::none(),
       R"(The next step to first order about the present state and controls (`LinearizedStep`), pushes left out.
 
 outputs: names of bodies whose poses are outputs. inputs: names of the controls that are inputs, by default all.
 change: by how much coordinates are moved, rad or shares of a length. move: controls move within the step, as of
-`step(move=True)`, from those of the last step; `B_start` is by these. end: what dx' counts from instead of x*, the state
+`step(move=True)`, from those of the last step. start_controls: these are inputs too, of which `B_start` is; a step with
+held controls depends on them where stiff servos jump. end: what dx' counts from instead of x*, the state
 after the step as `save` gave it in a run, so that matrices of the steps of that run can be multiplied. friction_forces: contacts and joints with dry
 friction start a step from the forces that they bore, which the springs of their material remember; these count as q more
 entries of dx at x*, and as many of dx' as there are at `end`: A is (N + q', N + q). outcome: a function of the simulation that
 returns a number or an array, forces of contact, sensors, a cost; it is called after every step that is taken here, is to
 change nothing, and its derivatives are `outcome_A`, `outcome_B`.
 
-By central differences of whole steps, each solved to rounding: 2 N + 2 m + 3 steps, 2 m more where controls move. The
+By central differences of whole steps, each solved to rounding: 2 N + 2 m + 3 steps, 2 m more for controls at the start, 2 q for forces. The
 simulation is left bit by bit as it was; while an outcome is measured no other thread may use it. Raises UnknownNameError,
 UsageError, NumericsError where a step is not solved, and what `outcome` raises.)",
       nb::sig(
           "def linearize(self, outputs: collections.abc.Sequence[str] = (), *, inputs: "
           "collections.abc.Sequence[str] | None = None, change: float = 1e-06, move: bool = False, end: "
-          "Snapshot | None = None, friction_forces: bool = False, one_sided: bool = False, outcome: collections.abc.Callable[[Simulation], numpy.typing.ArrayLike] | None = "
+          "Snapshot | None = None, friction_forces: bool = False, start_controls: bool = False, outcome: collections.abc.Callable[[Simulation], numpy.typing.ArrayLike] | None = "
           "None) -> LinearizedStep"));
 }
 

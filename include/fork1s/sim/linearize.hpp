@@ -14,13 +14,13 @@ struct LinearizeOptions {
   std::vector<int> outputs;
   /// By how much coordinates are moved: radians, and shares of a length of what they move. Rates by that a step.
   double change = 1e-6;
-  /// Differences to one side alone where as many contacts, stops and bounds act as at x*: half of the steps, and off by
-  /// what bends within the change.
-  bool one_sided = false;
   /// Places of the controls that are inputs, in Simulation::control_names(); all, where it has no value.
   std::optional<std::vector<int>> inputs;
-  /// Controls move within the step, as of Simulation::Step(true); B_start is by their values where they start.
+  /// Controls move within the step, as of Simulation::Step(true).
   bool controls_move = false;
+  /// Inputs at the start of the step are inputs too, B_start. The step depends on them where controls move, and where
+  /// held ones jump whose jump stiff servos are to follow without overshoot.
+  bool start_controls = false;
   /// What δx' counts from instead of x*: the state after the step in a run of the same simulation, so that its steps
   /// chain, δx_2 = A_1 A_0 δx_0.
   std::optional<Simulation::Snapshot> end;
@@ -50,12 +50,12 @@ struct LinearizedStep {
   std::vector<std::string> outputs;               // l: "cup.rx"
   MatrixX A;                                      // N x N, N = 2n + k
   MatrixX B;                                      // N x m
-  MatrixX B_start;                                // N x m where controls move, else empty
+  MatrixX B_start;                                // N x m, where asked for
   VectorX c;                                      // N: 0 where the state is at rest
   MatrixX C;                                      // l x N
   VectorX outcome;                                // o, of the step from x* with u*, and its derivatives
   MatrixX outcome_A, outcome_B, outcome_B_start;  // o x N, o x m, o x m
-  VectorX controls;                               // m: u*
+  VectorX controls;                               // of all controls: u*
   /// Shares by which differences to both sides of a column of A and B differ from each other: those that do by more
   /// than 0.01 stand on a switch, where a contact or stop opens, friction begins to slide, or a force meets its bound,
   /// and their column is the mean of two.
@@ -90,8 +90,8 @@ struct LinearizedStep {
   std::vector<Reference> mechanisms, free_bodies;
 };
 
-/// By central differences of whole steps: 2 N + 2 m + 3 steps, 2 m more where controls move and 2 q
-/// for forces, each solved to rounding.
+/// By central differences of whole steps: 2 N + 2 m + 3 steps, 2 m more for controls at the start and
+/// 2 q for forces, each solved to rounding.
 /// Contact, stops and friction are what the step makes of them. The simulation is stepped and put back: all of its
 /// bits are as before. Within the step no mechanism gets a new reference, and a driven base goes where its controls
 /// are. Errors: kUsage for outputs and inputs that there are not, for a change that is not in (0, 0.01],
