@@ -207,7 +207,7 @@ Linearization::Linearization(Simulation& simulation, LinearizeOptions options)
 
 Linearization::~Linearization() {
   simulation_.step_options() = given_;
-  Restore(start_);
+  static_cast<void>(simulation_.Restore(start_));  // fits, where nobody made another scene of it meanwhile
 }
 
 Expected<std::unique_ptr<Linearization>> Linearization::Begin(Simulation& simulation,

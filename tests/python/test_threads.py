@@ -74,7 +74,7 @@ ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name
 ARM = ARM.replace('<joint name="elbow"', '<site name="pad" size=".1"/><joint name="elbow"')
 arm = fork1s.load(ARM)
 sim, batch = fork1s.Simulation(arm, error=True), fork1s.Batch(arm, 2, seeds=3)
-moment = sim.save()
+moment, batch_moment = sim.save(), batch.save()
 
 def or_refused(call):
     def guarded():
@@ -107,11 +107,14 @@ methods = {
         move=lambda: sim.step(2, move=True), set_control=lambda: sim.controls.update({'motor': .1}),
         read_controls=lambda: list(sim.controls.items()), set_qpos=or_refused(lambda: setattr(sim, 'qpos', [.1])),
         set_qvel=or_refused(lambda: setattr(sim, 'qvel', [.1])), read_sensors=lambda: sim.sensors['angle'],
+        set_tolerance=or_refused(lambda: setattr(sim, 'newton_tolerance', 1e-6)),
         represent=lambda: repr(sim), buffers=lambda: fork1s.RecoveryBuffers(sim),
     ),
     fork1s.Batch: dict(
         hashes=lambda: batch.hashes(), poses=lambda: batch.poses(), reset=lambda: batch.reset(),
         step=lambda: batch.step(steps=2), usual_ranges=lambda: batch.usual_ranges, velocities=lambda: batch.velocities(),
+        restore=lambda: batch.restore(batch_moment), save=lambda: batch.save(),
+        set_state=lambda: batch.set_state([.1]), push=lambda: batch.step(push={'tip': [0, 0, 1]}),
         move=lambda: batch.step([.1], steps=2, move=True), read_sensors=lambda: batch.sensors['angle'],
         represent=lambda: repr(batch),
     ),
