@@ -1,6 +1,6 @@
 """How hard a gripper has to squeeze at each moment of a shake: controls over time by the gradient of a run.
 
-    python examples/squeeze.py [FOLDER]        # ten seconds; FOLDER gets squeeze.csv and squeeze.svg
+    python examples/squeeze.py [FOLDER]        # twenty seconds; FOLDER gets squeeze.csv and squeeze.svg
 
 Needs fork1s and scipy; the picture needs matplotlib. docs/gradients.md tells the story.
 """

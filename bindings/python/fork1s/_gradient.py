@@ -18,6 +18,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -156,9 +157,9 @@ def run_gradient(
         UsageError: for controls of other shapes than these.
         UnknownNameError: for names that are not those of controls.
     """
-    if not isinstance(steps, int) or steps < 1:
+    if not isinstance(steps, Integral) or steps < 1:
         raise UsageError(f"steps = {steps!r}; give a whole number of 1 or more")
-    if threads is not None and (not isinstance(threads, int) or threads < 1):
+    if threads is not None and (not isinstance(threads, Integral) or threads < 1):
         raise UsageError(f"threads = {threads!r}; give a whole number of 1 or more, or None for all cores")
     if isinstance(inputs, str):
         raise UsageError(f"inputs = {inputs!r}; give a sequence of names")
@@ -181,7 +182,7 @@ def run_gradient(
         raise UsageError("inputs: there is nothing to differentiate by; name at least one control")
 
     total = len(path.row)
-    # Copies have neither recordings nor error estimates.
+    # Copies do not record.
     copies = [copy.deepcopy(sim) for _ in range(min(threads or _cores(), total))]
     for copied in copies:
         copied.step(0)  # pending pushes are left out

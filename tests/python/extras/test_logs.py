@@ -426,7 +426,8 @@ def test_a_full_disk_is_an_error_and_leaves_no_file(ending, missing, recording, 
     pytest.importorskip({"mcap": "mcap", "rrd": "rerun"}[ending])
     out = tmp_path / f"run.{ending}"
     export(recording, out)
-    limit = 4096 if missing == "most" else out.stat().st_size - 100
+    # Two files of the same recording differ in size by what their identifiers compress to.
+    limit = 4096 if missing == "most" else out.stat().st_size * 9 // 10
     out.unlink()
     program = f"""
 import resource, signal, sys
