@@ -47,15 +47,6 @@ SimulationOptions OptionsOf(const Model& model, const char* text) {
   return options.simulation;
 }
 
-std::vector<Limits> ControlRanges(const Simulation& simulation) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  std::vector<Limits> ranges;
-  for (const MechanismDynamics& m : simulation.world().mechanisms())
-    for (const auto& control : m.mechanism().controls()) ranges.push_back({control.lower, control.upper});
-  ranges.resize(simulation.control_names().size(), {-kInfinity, kInfinity});  // of driven bases
-  return ranges;
-}
-
 std::vector<SensorPlace> FindSensors(Run& run) {
   const Sensors& sensors = run.sensors.emplace(run.simulation);
   std::vector<SensorPlace> places;
@@ -119,7 +110,6 @@ fork1s_status fork1s_simulation_create(const fork1s_model* model, const char* op
     for (const fork1s::SceneBody& body : run.simulation.bodies()) run.body_names.push_back(body.name);
     run.control_names = run.simulation.control_names();
     run.warnings = run.simulation.warnings();
-    run.control_ranges = ControlRanges(run.simulation);
     run.sensor_places = FindSensors(run);
     run.start = Save(run);
     *simulation = new fork1s_simulation{std::move(run)};
@@ -213,9 +203,9 @@ fork1s_status fork1s_simulation_control_range(const fork1s_simulation* simulatio
   return GuardRun(__func__, simulation, [&](const Run& run) {
     RequireGiven(lower, "lower");
     RequireGiven(upper, "upper");
-    const Limits& range = run.control_ranges[RequireIndex("control", control, run.control_ranges.size())];
-    *lower = range.lower;
-    *upper = range.upper;
+    const std::size_t at = RequireIndex("control", control, run.simulation.control_names().size());
+    *lower = run.simulation.control_lower()(static_cast<Eigen::Index>(at));
+    *upper = run.simulation.control_upper()(static_cast<Eigen::Index>(at));
   });
 }
 

@@ -20,10 +20,6 @@
 
 namespace fork1s::c {
 
-struct Limits {
-  double lower = 0, upper = 0;
-};
-
 struct Moment {
   std::shared_ptr<const Model> model;
   Simulation::Snapshot simulation;
@@ -45,7 +41,6 @@ struct Run {
   Simulation simulation;
   // As it was made: text that is handed out lives as long as this.
   std::vector<std::string> body_names, control_names, warnings;
-  std::vector<Limits> control_ranges;
   std::vector<SensorPlace> sensor_places;
   std::vector<internal::BodyPush> pushes;  // of the next call
   double time_before = 0;                  // s, of simulations that a state set took the place of

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/base/quad.hpp>
+#include <limits>
 
 namespace fork1s {
 
@@ -36,6 +37,11 @@ std::vector<ReducedModel::Run> RunsOf(const ReducedModel& model) {
 }
 
 }  // namespace
+
+double ClosedToRounding(const Mechanism& mechanism) {
+  constexpr double kUnits = 45;  // in the last place: 1e-14 of a metre
+  return kUnits * std::numeric_limits<double>::epsilon() * std::max(1.0, mechanism.length_scale());
+}
 
 void FillDerived(ReducedModel& model) {
   const Mechanism& mechanism = *model.mechanism;

@@ -11,9 +11,9 @@ namespace fork1s::internal {
 
 /// While it lives the simulation is its own, but for looking; then it is put back as it was, bit by bit.
 ///
-///     auto steps = Linearization::Begin(simulation, options);   // of which `outcome` is not called
-///     while (auto more = steps->Advance(); more && *more) steps->SetOutcome(...);
-///     LinearizedStep found = steps->Finish();
+///     auto steps = Linearization::Begin(simulation, options);   // of which `outcome` is not called; an Expected
+///     while (*(*steps)->Advance()) (*steps)->SetOutcome(...);   // or an error
+///     LinearizedStep found = (*steps)->Finish();
 class Linearization {
  public:
   /// Errors: those of Linearize.

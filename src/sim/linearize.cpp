@@ -79,7 +79,7 @@ void Move(const Reference& from, const MatrixX& inverse, const VectorX& p, const
   } else if (joints > 0) {
     const ReducedModel& model = *state.model;
     Configuration at(model);
-    at.closing_tolerance = kClosedToRounding;
+    at.closing_tolerance = ClosedToRounding(*model.mechanism);
     at.mu = state.mu;
     state.reduced.z += inverse * p.head(joints);
     // Where loops bend, q follows z to second order. Of changes of 1e-6 each correction leaves 1e-6.
@@ -103,7 +103,7 @@ Simulation::Snapshot CloseLoops(Simulation::Snapshot moment) {
   for (MechanismState& state : moment.world.mechanisms) {
     if (state.mu.size() == 0) continue;
     Configuration at(*state.model);
-    at.closing_tolerance = kClosedToRounding;
+    at.closing_tolerance = ClosedToRounding(*state.model->mechanism);
     at.mu = state.mu;
     Configure(*state.model, state.reduced, at);
     state.mu = at.mu;

@@ -120,15 +120,6 @@ void World::Detail::BeginStep(double h) {
   stage_.within = stage_.all_stops = stage_.rows_from_start = false;
 }
 
-namespace {
-
-double ClosingTolerance(double newton_tolerance) {
-  const double share = std::min(1.0, newton_tolerance / StepOptions{}.newton_tolerance);
-  return std::max(kClosedToRounding, share * kClosingTolerance);
-}
-
-}  // namespace
-
 void World::Watch(StepPartTimes* times) { detail_->times_ = times; }
 
 StepReport World::Step(const StepOptions& options) {
@@ -136,8 +127,9 @@ StepReport World::Step(const StepOptions& options) {
   Detail& d = *detail_;
   if (d.times_) *d.times_ = StepPartTimes();
   const PartClock clock(d.times_, &StepPartTimes::all);
-  const double closing = ClosingTolerance(options.newton_tolerance);
-  for (MechanismDynamics& m : d.bodies_.mechanisms) m.SetClosingTolerance(closing);
+  const double share = std::min(1.0, options.newton_tolerance / StepOptions{}.newton_tolerance);
+  for (MechanismDynamics& m : d.bodies_.mechanisms)
+    m.SetClosingTolerance(std::max(ClosedToRounding(m.mechanism()), share * kClosingTolerance));
   const StepReport report = d.StepByStages(options);
   for (MechanismDynamics& m : d.bodies_.mechanisms) m.StopPointSpring();
   for (FreeBody& body : d.bodies_.free_bodies) body.StopPointSpring();

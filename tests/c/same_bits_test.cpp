@@ -6,63 +6,20 @@
 #include <cstring>
 #include <fork1s/importer/importer.hpp>
 #include <fork1s/sim/control_move.hpp>
-#include <fork1s/sim/queries.hpp>
-#include <fork1s/sim/run_statistics.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <memory>
-#include <random>
-#include <set>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "c/simulation.hpp"
+#include "support.hpp"
 
 namespace fork1s {
 namespace {
 
-struct FreeModel {
-  void operator()(fork1s_model* m) const { fork1s_model_free(m); }
-};
-struct FreeSimulation {
-  void operator()(fork1s_simulation* s) const { fork1s_simulation_free(s); }
-};
-using CModel = std::unique_ptr<fork1s_model, FreeModel>;
-using CSimulation = std::unique_ptr<fork1s_simulation, FreeSimulation>;
-
-std::string Scene(const char* name) { return std::string(FORK1S_SOURCE_DIR "/scenes/") + name; }
-
-void Check(fork1s_status status) { ASSERT_EQ(status, FORK1S_OK) << fork1s_last_error(); }
-
-CModel LoadInC(const std::string& path, const char* options = nullptr) {
-  fork1s_model* model = nullptr;
-  EXPECT_EQ(fork1s_model_load(path.c_str(), options, &model), FORK1S_OK) << fork1s_last_error();
-  return CModel(model);
-}
-
-CSimulation CreateInC(const CModel& model, const char* options = nullptr) {
-  fork1s_simulation* simulation = nullptr;
-  EXPECT_EQ(fork1s_simulation_create(model.get(), options, &simulation), FORK1S_OK) << fork1s_last_error();
-  return CSimulation(simulation);
-}
-
-Simulation Create(const ImportedScene& imported, SimulationOptions options = {}) {
-  options.initial_keyframe = imported.initial_keyframe;
-  return std::move(Simulation::Create(imported.scene, options).value());
-}
-
-std::uint64_t Hash(const CSimulation& simulation) {
-  std::uint64_t hash = 0;
-  Check(fork1s_simulation_hash(simulation.get(), &hash));
-  return hash;
-}
-
-int Count(const CSimulation& simulation, fork1s_status (*count)(const fork1s_simulation*, std::int32_t*)) {
-  std::int32_t n = -1;
-  Check(count(simulation.get(), &n));
-  return n;
-}
+using namespace testing;  // the simulations of support.hpp
 
 void ExpectSame(const CSimulation& in_c, const Simulation& simulation) {
   EXPECT_EQ(Hash(in_c), simulation.HashState());
@@ -97,10 +54,10 @@ void ExpectSame(const CSimulation& in_c, const Simulation& simulation) {
 }
 
 TEST(CSimulation, GraspsAsTheCppOne) {
-  const auto imported = LoadMechanism(Scene("fourbar_gripper.xml"));
+  const auto imported = LoadMechanism(ScenePath("fourbar_gripper.xml"));
   ASSERT_TRUE(imported);
   Simulation simulation = Create(*imported);
-  const CSimulation in_c = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
+  const CSimulation in_c = CreateInC(LoadInC(ScenePath("fourbar_gripper.xml")));
   ExpectSame(in_c, simulation);
   for (const char* name : {"left_grip", "right_grip"}) {
     std::int32_t control = -1;
@@ -138,13 +95,14 @@ TEST(CSimulation, GraspsAsTheCppOne) {
 }
 
 TEST(CSimulation, MovesControlsOverACall) {
-  const auto imported = LoadMechanism(Scene("hand.xml"));
+  const auto imported = LoadMechanism(ScenePath("hand.xml"));
   ASSERT_TRUE(imported);
   SimulationOptions options;
   options.dt = 0.005;
   options.recovery = Recovery::kExpanded;
   Simulation simulation = Create(*imported, options);
-  const CSimulation in_c = CreateInC(LoadInC(Scene("hand.xml")), R"({"dt": 0.005, "recovery": "expanded"})");
+  const CSimulation in_c =
+      CreateInC(LoadInC(ScenePath("hand.xml")), R"({"dt": 0.005, "recovery": "expanded"})");
   const int count = Count(in_c, fork1s_simulation_num_controls);
   ASSERT_EQ(count, simulation.controls().size());
   VectorX values(count);
@@ -166,7 +124,7 @@ TEST(CSimulation, MovesControlsOverACall) {
 
 TEST(CSimulation, ControlRangesAreThoseThatValuesMoveInto) {
   for (const char* scene : {"hand.xml", "fourbar_gripper.xml", "hammer.xml", "vehicle.xml"}) {
-    const CSimulation in_c = CreateInC(LoadInC(Scene(scene)));
+    const CSimulation in_c = CreateInC(LoadInC(ScenePath(scene)));
     const int count = Count(in_c, fork1s_simulation_num_controls);
     for (const double far : {-1e9, 1e9}) {
       std::vector<double> values(static_cast<std::size_t>(count), far), read(values.size());
@@ -182,10 +140,10 @@ TEST(CSimulation, ControlRangesAreThoseThatValuesMoveInto) {
 }
 
 TEST(CSimulation, PushActsThroughTheNextCallAtAPointOfTheBody) {
-  const auto imported = LoadMechanism(Scene("two_link_arm.xml"));
+  const auto imported = LoadMechanism(ScenePath("two_link_arm.xml"));
   ASSERT_TRUE(imported);
   Simulation simulation = Create(*imported);
-  const CSimulation in_c = CreateInC(LoadInC(Scene("two_link_arm.xml")));
+  const CSimulation in_c = CreateInC(LoadInC(ScenePath("two_link_arm.xml")));
   std::int32_t body = -1;
   Check(fork1s_simulation_find_body(in_c.get(), "forearm", &body));
   const double force[3] = {0, 5, 0}, torque[3] = {0, 0, 0.5}, point[3] = {1, 1, 0.5};
@@ -207,7 +165,7 @@ TEST(CSimulation, PushActsThroughTheNextCallAtAPointOfTheBody) {
 TEST(CSimulation, TipGivesWayAsItsClosedFormSays) {
   // docs/validation.md: K = [[100, 100], [100, 200]] N/m at the tip. 0.1 N bends the arm by 1e-3 rad, whose
   // square is what the linear answer leaves out.
-  const CSimulation in_c = CreateInC(LoadInC(Scene("two_link_arm.xml")));
+  const CSimulation in_c = CreateInC(LoadInC(ScenePath("two_link_arm.xml")));
   std::int32_t body = -1;
   Check(fork1s_simulation_find_body(in_c.get(), "forearm", &body));
   double start[7], end[7];
@@ -232,20 +190,13 @@ TEST(CSimulation, TipGivesWayAsItsClosedFormSays) {
   EXPECT_NEAR(moved.y(), (-0.1 + 0.05) / 100, 5e-6);
 }
 
-std::vector<double> Read(const CSimulation& simulation, std::size_t count,
-                         fork1s_status (*read)(const fork1s_simulation*, double*, std::size_t)) {
-  std::vector<double> values(count, -1);
-  Check(read(simulation.get(), values.data(), values.size()));
-  return values;
-}
-
 std::vector<double> Numbers(const VectorX& v) { return {v.data(), v.data() + v.size()}; }
 
 TEST(CSimulation, JointStateIsThatOfTheFile) {
-  const auto imported = LoadMechanism(Scene("quadruped.xml"));
+  const auto imported = LoadMechanism(ScenePath("quadruped.xml"));
   ASSERT_TRUE(imported);
   Simulation simulation = Create(*imported);
-  const CSimulation in_c = CreateInC(LoadInC(Scene("quadruped.xml")));
+  const CSimulation in_c = CreateInC(LoadInC(ScenePath("quadruped.xml")));
   Check(fork1s_simulation_step(in_c.get(), 20, FORK1S_HOLD, nullptr));
   for (int i = 0; i < 20; ++i) simulation.Step();
   const std::vector<FileJoint> joints = MovingJoints(imported->joints, imported->scene);
@@ -312,7 +263,7 @@ TEST(CSimulation, JointStateIsThatOfTheFile) {
 }
 
 TEST(CSimulation, LoopsCloseWhereAStateLeavesThemOpen) {
-  const CSimulation in_c = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
+  const CSimulation in_c = CreateInC(LoadInC(ScenePath("fourbar_gripper.xml")));
   const auto count = static_cast<std::size_t>(Count(in_c, fork1s_simulation_num_joint_positions));
   std::vector<double> q = Read(in_c, count, fork1s_simulation_joint_positions);
   std::int32_t index = -1;
@@ -362,88 +313,12 @@ TEST(CSimulation, SensorsAreThoseOfCpp) {
   EXPECT_NEAR(Read(in_c, 9, fork1s_simulation_sensor_values)[1], 0.3, 1e-15);
 }
 
-TEST(CSimulation, ContactsBearTheWeight) {
-  const auto imported = LoadMechanism(Scene("fourbar_gripper.xml"));
-  ASSERT_TRUE(imported);
-  Simulation simulation = Create(*imported);
-  const CSimulation in_c = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
-  Check(fork1s_simulation_step(in_c.get(), 120, FORK1S_HOLD, nullptr));
-  for (int i = 0; i < 120; ++i) simulation.Step();
-  const std::vector<BodyContact> expected = Contacts(simulation);
-  const int count = Count(in_c, fork1s_simulation_num_contacts);
-  ASSERT_EQ(count, static_cast<int>(expected.size()));
-  std::vector<fork1s_contact> rows(static_cast<std::size_t>(count) + 2);
-  std::int32_t found = -1, cube = -1;
-  Check(fork1s_simulation_contacts(in_c.get(), rows.data(), rows.size(), &found));
-  ASSERT_EQ(found, count);
-  Check(fork1s_simulation_find_body(in_c.get(), "cube", &cube));
-  double weight = 0;
-  for (std::size_t i = 0; i < expected.size(); ++i) {
-    EXPECT_EQ(rows[i].body_a, expected[i].body_a);
-    EXPECT_EQ(rows[i].body_b, expected[i].body_b);
-    EXPECT_EQ(Vector3(rows[i].point), expected[i].point_W);
-    EXPECT_EQ(Vector3(rows[i].normal), expected[i].normal_W);
-    EXPECT_EQ(Vector3(rows[i].force), expected[i].force_W);
-    EXPECT_EQ(Vector3(rows[i].torque), expected[i].moment_W);
-    EXPECT_EQ(rows[i].gap, expected[i].gap);
-    EXPECT_EQ(rows[i].friction, expected[i].friction);
-    if (rows[i].body_a == cube) weight -= rows[i].force[2];
-    if (rows[i].body_b == cube) weight += rows[i].force[2];
-  }
-  EXPECT_NEAR(weight, 0.03 * 9.81,
-              1e-6);  // at rest after two seconds: to the tolerance of the contact solver
-  EXPECT_EQ(fork1s_simulation_contacts(in_c.get(), rows.data(), static_cast<std::size_t>(count) - 1, &found),
-            FORK1S_ERROR_USAGE);
-  const std::vector<double> uses = Read(in_c, expected.size(), fork1s_simulation_friction_uses);
-  for (std::size_t i = 0; i < expected.size(); ++i) {
-    const BodyContact& c = expected[i];
-    EXPECT_EQ(uses[i], ContactLoad::OfContact(c.force_W, c.normal_W, c.friction).FrictionUse());
-  }
-}
-
-TEST(CSimulation, RaysMeetWhatTheCppOnesMeet) {
-  const auto imported = LoadMechanism(Scene("fourbar_gripper.xml"));
-  ASSERT_TRUE(imported);
-  Simulation simulation = Create(*imported);
-  const CSimulation in_c = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
-  auto rays = RayCaster::Create(simulation);
-  ASSERT_TRUE(rays);
-  std::mt19937 random(5);
-  std::uniform_real_distribution<double> uniform(-1, 1);
-  std::set<int> met;
-  int missed = 0;
-  for (int i = 0; i < 200; ++i) {
-    if (i % 20 == 0) {
-      Check(fork1s_simulation_step(in_c.get(), 1, FORK1S_HOLD, nullptr));
-      simulation.Step();
-    }
-    const Vector3 origin = 0.2 * Vector3(uniform(random), uniform(random), uniform(random) + 1);
-    const Vector3 aim = 0.05 * Vector3(uniform(random), uniform(random), uniform(random) + 1);
-    const Vector3 direction =
-        i % 4 == 0 ? origin : Vector3(aim - origin);  // every fourth away from everything
-    const auto expected = rays->Cast(simulation, origin, direction, 0.5);
-    std::int32_t found = -1;
-    fork1s_ray_hit hit{};
-    Check(fork1s_simulation_ray(in_c.get(), origin.data(), direction.data(), 0.5, &found, &hit));
-    ASSERT_EQ(found, expected ? 1 : 0);
-    missed += expected ? 0 : 1;
-    if (!expected) continue;
-    met.insert(hit.body);
-    EXPECT_EQ(hit.body, expected->body);
-    EXPECT_EQ(hit.distance, expected->distance);
-    EXPECT_EQ(Vector3(hit.point), expected->point_W);
-    EXPECT_EQ(Vector3(hit.normal), expected->normal_W);
-  }
-  EXPECT_GT(met.size(), 3u);
-  EXPECT_GT(missed, 0);
-}
-
 struct FreeSnapshot {
   void operator()(fork1s_snapshot* s) const { fork1s_snapshot_free(s); }
 };
 
 TEST(CSimulation, SnapshotsComeBackBitByBit) {
-  const CModel model = LoadInC(Scene("fourbar_gripper.xml"));
+  const CModel model = LoadInC(ScenePath("fourbar_gripper.xml"));
   const CSimulation in_c = CreateInC(model);
   const std::uint64_t start = Hash(in_c);
   const double grip[2] = {0.4, 0.4}, force[3] = {0, 0, 1};
@@ -479,13 +354,13 @@ TEST(CSimulation, SnapshotsComeBackBitByBit) {
   EXPECT_NE(
       std::string(fork1s_last_error()).find("of another dt, 0.0166667 s, than this simulation, 0.001 s"),
       std::string::npos);
-  const CSimulation foreign = CreateInC(LoadInC(Scene("fourbar_gripper.xml")));
+  const CSimulation foreign = CreateInC(LoadInC(ScenePath("fourbar_gripper.xml")));
   EXPECT_EQ(fork1s_simulation_restore(foreign.get(), snapshot.get()), FORK1S_ERROR_USAGE);
   EXPECT_NE(std::string(fork1s_last_error()).find("of another model"), std::string::npos);
 }
 
 TEST(CSimulation, StepThatIsUndoneIsAnError) {
-  const CSimulation in_c = CreateInC(LoadInC(Scene("two_link_arm.xml")));
+  const CSimulation in_c = CreateInC(LoadInC(ScenePath("two_link_arm.xml")));
   Check(fork1s_simulation_step(in_c.get(), 2, FORK1S_HOLD, nullptr));
   const std::uint64_t hash = Hash(in_c);
   const double force[3] = {0, 1e300, 0};
@@ -502,7 +377,7 @@ TEST(CSimulation, StepThatIsUndoneIsAnError) {
 }
 
 TEST(CSimulation, TwoThreadsStepTwoSimulationsOfAModel) {
-  const CModel model = LoadInC(Scene("fourbar_gripper.xml"));
+  const CModel model = LoadInC(ScenePath("fourbar_gripper.xml"));
   const CSimulation alone = CreateInC(model);
   const auto grasp = [](fork1s_simulation* s) {
     const double values[2] = {0.4, 0.4};
@@ -528,7 +403,7 @@ TEST(CSimulation, TwoThreadsStepTwoSimulationsOfAModel) {
 }
 
 TEST(CSimulation, CallWhileAnotherThreadIsInItIsRefused) {
-  const CSimulation in_c = CreateInC(LoadInC(Scene("two_link_arm.xml")));
+  const CSimulation in_c = CreateInC(LoadInC(ScenePath("two_link_arm.xml")));
   in_c->in_use = true;
   double time = 0;
   EXPECT_EQ(fork1s_simulation_time(in_c.get(), &time), FORK1S_ERROR_USAGE);
@@ -539,7 +414,7 @@ TEST(CSimulation, CallWhileAnotherThreadIsInItIsRefused) {
 }
 
 TEST(CModel, ErrorsOfFilesAreThoseOfTheImporter) {
-  for (const std::string& path : {Scene("none.xml"), Scene("grasp_box.csv"), Scene("")}) {
+  for (const std::string& path : {ScenePath("none.xml"), ScenePath("grasp_box.csv"), ScenePath("")}) {
     const auto imported = LoadMechanism(path);
     ASSERT_FALSE(imported);
     fork1s_model* model = nullptr;

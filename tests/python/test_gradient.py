@@ -187,6 +187,34 @@ def test_of_a_walker_that_stands_on_its_feet():
     assert found.switches == [] and found.difference < 1e-5
     assert np.abs(found.controls).max() > 1e-3
 
+    # By a chain of its own: the same with the forces that friction remembers, and wrong without.
+    def chained(friction_forces):
+        copied, moments = copy.deepcopy(sim), []
+        for row in rows:
+            moments.append(copied.save())
+            copied.control_values = row
+            copied.step()
+        moments.append(copied.save())
+        costate, by = 0.0, np.zeros_like(rows)
+        for k in reversed(range(len(rows))):
+            copied.restore(moments[k])
+            copied.control_values = rows[k]
+            step = copied.linearize(
+                end=moments[k + 1],
+                friction_forces=friction_forces,
+                start_controls=True,
+                outcome=lambda at: at.pose(at.bodies[0])[2, 3],
+            )
+            costate = np.zeros(len(step.A)) if k == len(rows) - 1 else costate
+            by[k] += step.outcome_B[0] + costate @ step.B
+            by[k - 1] += (k > 0) * (step.outcome_B_start[0] + costate @ step.B_start)
+            costate = step.outcome_A[0] + costate @ step.A
+        return by
+
+    scale = np.abs(found.controls).max()
+    np.testing.assert_allclose(chained(True), found.controls, atol=1e-7 * scale)
+    assert np.abs(chained(False) - found.controls).max() > 1e-4 * scale
+
 
 def test_by_parameters_of_the_model():
     rows = 0.8 * np.sin(0.3 * np.arange(25))
@@ -290,6 +318,18 @@ def test_of_loops_that_a_run_leaves_open_by_its_tolerance(scenes):
     assert found.controls[1, 0] == pytest.approx(by_differences(sim, moved, rows, name, 1), rel=1e-4)
 
 
+def test_a_recording_keeps_its_tolerance(tmp_path):
+    sim = spring()
+    sim.record(tmp_path / "run.h5")
+    sim.step()
+    with pytest.raises(fork1s.UsageError, match="newton_tolerance: a recording goes on"):
+        sim.newton_tolerance = 1e-15
+    # Copies do not record: the steps of a gradient are none of the recording.
+    fork1s.run_gradient(sim, squared, {"push": [0.1, 0.2]})
+    sim.stop_recording()
+    sim.newton_tolerance = 1e-15
+
+
 def test_pushes_are_left_out():
     sim = spring()
     alone = fork1s.run_gradient(sim, squared, {"push": [0.1, 0.2]})
@@ -304,6 +344,13 @@ def test_pushes_are_left_out():
 def test_at_a_limit_it_is_that_inwards():
     found = fork1s.run_gradient(spring(), squared, {"push": [0.5, 1.0, -1.0, 0.3]})
     assert (found.controls[:, 0] != 0).all() and found.difference < 1e-5
+    assert np.isnan(fork1s.run_gradient(spring(), squared, {"push": [1.0, -1.0]}).difference)
+    np.testing.assert_array_equal(spring().control_limits, [[-1, 1]])
+
+
+def test_of_nothing_is_nothing_and_says_so():
+    found = fork1s.run_gradient(spring(), lambda at: 3.0, {"push": [0.5, 0.4]})
+    assert found.value == 6 and (found.controls == 0).all() and found.difference == 0
 
 
 WELD = """

@@ -1,6 +1,7 @@
 // A step to first order: against the matrix of the scheme itself, geometry, and motions that start beside the state.
 #include <cmath>
 #include <fork1s/sim/linearize.hpp>
+#include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <functional>
 
 #include "linalg/solve.hpp"
@@ -456,6 +457,32 @@ TEST(Linearize, RunOfAHeldBall_DerivativesChain) {
   constexpr double kTolerance = 1e-6;
   EXPECT_LT((dx.head(expected.size()) - expected).norm(), kTolerance * expected.norm());
   EXPECT_NEAR(force, (forces[0] - forces[1]) / (2 * kChange), kTolerance * given.k);
+}
+
+// Loops of a millimetre to a hundred metres are closed to rounding, and not asked for more.
+TEST(Linearize, LoopsOfAnySize_AreClosedToRounding) {
+  for (const double scale : {0.01, 1.0, 1000.0}) {
+    SCOPED_TRACE(scale);
+    testing::FourBar bars;
+    for (Vector2* point : {&bars.A, &bars.B, &bars.C, &bars.D}) *point *= scale;
+    bars.k_A *= scale * scale;  // bars keep their mass
+    bars.k_D *= scale * scale;
+    Scene scene = SceneOf(bars.Definition());
+    scene.gravity = scale * Vector3(2, -9.81, 0);
+    Simulation simulation = StartFrom(scene);
+    for (int i = 0; i < 5; ++i) simulation.Step();
+    EXPECT_LT(LinearizeOrThrow(simulation).difference, 1e-6);
+    simulation.step_options().newton_tolerance = kToRounding;
+    for (int i = 0; i < 5; ++i) {
+      simulation.Step();
+      const MechanismDynamics& m = simulation.world().mechanisms()[0];
+      EXPECT_LT(m.configuration().loop_residual, ClosedToRounding(m.mechanism()));
+      EXPECT_LT(m.configuration().corrections, 6);
+    }
+    simulation.step_options().newton_tolerance = StepOptions{}.newton_tolerance;
+    simulation.Step();
+    EXPECT_LT(simulation.world().mechanisms()[0].configuration().loop_residual, kClosingTolerance);
+  }
 }
 
 TEST(Linearize, LoopThatSwings_DerivativesChain) {

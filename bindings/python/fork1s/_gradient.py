@@ -64,8 +64,8 @@ class RunGradient:
     switches: list[RunSwitch]
     """Where the run stands on a switch; the derivative there is the mean of both sides."""
     difference: float
-    """Share by which the derivative along a direction through all controls, by two runs of their own, differs from that by
-    `controls`."""
+    """Share of the largest part of the derivative along a direction through all controls by which two runs of their own
+    differ from it; of what rounding leaves where that is larger. nan where all controls are at their limits."""
 
     def __repr__(self) -> str:
         switches = f", {len(self.switches)} switches" if self.switches else ""
@@ -186,10 +186,11 @@ def run_gradient(
     copies = [copy.deepcopy(sim) for _ in range(min(threads or _cores(), total))]
     for copied in copies:
         copied.step(0)  # pending pushes are left out
-    moments, value = _run(copies[0], cost, path, path.rows)
+    moments: list[_core.Snapshot] = []
+    costs = _run(copies[0], cost, path, path.rows, moments)
     ends = path.ends(path.rows)
-    lower, upper = _limits(copies[0])
-    free = (ends >= lower[path.columns]) & (ends <= upper[path.columns])
+    lower, upper = sim.control_limits[path.columns].T
+    free = (ends >= lower) & (ends <= upper)
 
     def linearize(worker: _core.Simulation, k: int) -> _core.LinearizedStep:
         worker.restore(moments[k])
@@ -215,7 +216,7 @@ def run_gradient(
         costate = step.outcome_A[0] + costate @ step.A
     gradient = path.by_rows(by_ends * free[:, places])
     return RunGradient(
-        value=value,
+        value=float(costs.sum()),
         controls=gradient,
         inputs=list(inputs),
         start=costate[: len(costate) - len(found[0].forces)],
@@ -282,30 +283,25 @@ def _set(sim: _core.Simulation, path: _Path, values: Array) -> None:
 
 
 def _run(
-    copied: _core.Simulation, cost: Cost, path: _Path, rows: Array
-) -> tuple[list[_core.Snapshot], float]:
-    """All moments of a run, after which the simulation is back at the first, and the sum of the cost."""
-    moments, value = [copied.save()], 0.0
+    copied: _core.Simulation,
+    cost: Cost,
+    path: _Path,
+    rows: Array,
+    moments: list[_core.Snapshot] | None = None,
+) -> Array:
+    """(steps,) the cost after each step. `moments` gets all of the run, the first too."""
+    costs = np.empty(len(path.row))
     for k, end in enumerate(path.ends(rows)):
+        if moments is not None:
+            moments.append(copied.save())
         _set(copied, path, end)
         report = copied.step(move=path.move)
         if not report.finite or report.unconverged:
             raise NumericsError(f"step {k} of the run is not solved; shorten the time step")
-        value += _number(cost(copied), f"the cost after step {k}")
+        costs[k] = _number(cost(copied), f"the cost after step {k}")
+    if moments is not None:
         moments.append(copied.save())
-    copied.restore(moments[0])
-    return moments, value
-
-
-def _limits(copied: _core.Simulation) -> tuple[Array, Array]:
-    """Of all controls: what values far beyond are moved to."""
-    now, far = copied.control_values, 1e300
-    ends = []
-    for side in (-far, far):
-        copied.control_values = np.full(len(now), side)
-        ends.append(copied.control_values)
-    copied.control_values = now
-    return ends[0], ends[1]
+    return costs
 
 
 def _over_threads(
@@ -350,17 +346,23 @@ def _difference(
     """Along a direction in which all inputs of all rows change, of changing signs, but those at their limits."""
     change = 1e-6  # to both sides
     rows = path.rows[:, places]
-    lower, upper = (limits[path.columns][places] for limits in _limits(copied))
+    lower, upper = copied.control_limits[path.columns][places].T
     by = np.random.default_rng(1).choice([-1.0, 1.0], gradient.shape) * np.maximum(1.0, np.abs(rows))
     by *= (rows - change * np.abs(by) >= lower) & (rows + change * np.abs(by) <= upper)
+    if not by.any():
+        return math.nan
     direction = np.zeros_like(path.rows)
     direction[:, places] = by
     copied.newton_tolerance = TO_ROUNDING
-    copied.restore(start)
-    values = [_run(copied, cost, path, path.rows + side * change * direction)[1] for side in (1, -1)]
-    off = abs((values[0] - values[1]) / (2 * change) - float((gradient * by).sum()))
-    rounding = 1e-14 * abs(values[0]) / change
-    return off / float(np.abs(gradient * by).max()) if off > rounding else 0.0
+    costs = []
+    for side in (1, -1):
+        copied.restore(start)
+        costs.append(_run(copied, cost, path, path.rows + side * change * direction))
+    off = abs(float((costs[0] - costs[1]).sum()) / (2 * change) - float((gradient * by).sum()))
+    # Below what rounding leaves of the runs' difference a gradient is none.
+    rounding = 1e-14 * float(np.abs(costs[0]).sum()) / change
+    scale = max(float(np.abs(gradient * by).max()), rounding)
+    return off / scale if scale > 0 else off
 
 
 def parameter_gradient(

@@ -245,27 +245,17 @@ BatchSnapshot Batch::Save() const {
   return moment;
 }
 
-void Batch::Restore(const BatchSnapshot& moment, const std::vector<char>& mask,
-                    const std::vector<int>& sources) {
+void Batch::ForChosen(const std::vector<char>& mask, const MemberWork& check, const MemberWork& work) {
   ReleasedGil gil;
   std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));
   WithCallMutex(mutex_, "Batch", [&] {
-    ValueOrThrow(FitsStep(moment.dt, simulations_.front()));
+    for (std::size_t at = 0; at < mask.size(); ++at)
+      if (mask[at]) ValueOrThrow(check(at));
     OnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
       if (!mask[at]) return true;
-      const auto from = static_cast<std::size_t>(sources[at]);
-      if (!(drawn_[at].factors == moment.drawn[from].factors)) {
-        Expected<Simulation> next = starts_.Begin(moment.drawn[from]);
-        if (!next) {
-          errors[at] = next.error();
-          return true;
-        }
-        simulations_[at] = std::move(*next);
-      }
-      drawn_[at] = moment.drawn[from];
       sensors_[at].reset();
-      if (auto done = simulations_[at].Restore(moment.simulations[from]); !done) errors[at] = done.error();
+      if (auto done = work(at); !done) errors[at] = done.error();
       return true;
     });
   });
@@ -274,40 +264,37 @@ void Batch::Restore(const BatchSnapshot& moment, const std::vector<char>& mask,
     if (error) throw Refused{std::move(*error)};
 }
 
-void Batch::Restore(const Runner::Snapshot& moment, const std::vector<char>& mask) {
-  ReleasedGil gil;
-  std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));
-  WithCallMutex(mutex_, "Batch", [&] {
-    ValueOrThrow(FitsStep(moment.dt, simulations_.front()));
-    for (std::size_t i = 0; i < drawn_.size(); ++i)
-      if (mask[i] && !(drawn_[i].factors == SceneFactors{}))
-        throw Refused{{ErrorCode::kUsage, "restore",
-                       "member " + std::to_string(i) +
-                           " has factors of its own, with which the moment of a simulation is none of its; "
-                           "use set_state, or a batch without seeds and factors"}};
-    OnThreads(gil, [&](int i) {
-      const auto at = static_cast<std::size_t>(i);
-      if (!mask[at]) return true;
-      sensors_[at].reset();
-      if (auto fits = FitsStiffness(moment, simulations_[at]); !fits)
-        errors[at] = fits.error();
-      else if (auto done = simulations_[at].Restore(moment.simulation); !done)
-        errors[at] = done.error();
-      return true;
-    });
+void Batch::Restore(const BatchSnapshot& moment, const std::vector<char>& mask,
+                    const std::vector<int>& sources) {
+  const auto check = [&](std::size_t at) { return FitsStep(moment.dt, simulations_[at]); };
+  ForChosen(mask, check, [&](std::size_t at) -> Expected<void> {
+    const auto from = static_cast<std::size_t>(sources[at]);
+    if (!(drawn_[at].factors == moment.drawn[from].factors)) {
+      Expected<Simulation> next = starts_.Begin(moment.drawn[from]);
+      if (!next) return tl::unexpected(next.error());
+      simulations_[at] = std::move(*next);
+    }
+    drawn_[at] = moment.drawn[from];
+    return simulations_[at].Restore(moment.simulations[from]);
   });
-  gil.ThrowIfInterrupted();
-  for (std::optional<Error>& error : errors)
-    if (error) throw Refused{std::move(*error)};
+}
+
+void Batch::Restore(const Runner::Snapshot& moment, const std::vector<char>& mask) {
+  const auto check = [&](std::size_t at) -> Expected<void> {
+    if (auto fits = FitsStep(moment.dt, simulations_[at]); !fits) return fits;
+    if (!(drawn_[at].factors == SceneFactors{}))
+      return Fail(ErrorCode::kUsage, "restore",
+                  "member " + std::to_string(at) +
+                      " has factors of its own, with which the moment of a simulation is none of its; "
+                      "use set_state, or a batch without seeds and factors");
+    return FitsStiffness(moment, simulations_[at]);
+  };
+  ForChosen(mask, check, [&](std::size_t at) { return simulations_[at].Restore(moment.simulation); });
 }
 
 void Batch::SetState(const std::vector<char>& mask, const double* qpos, const double* qvel) {
   const std::vector<FileJoint>& joints = model_->joints();
-  Eigen::Index positions = 0, velocities = 0;
-  for (const FileJoint& joint : joints) {
-    positions += joint.num_positions();
-    velocities += joint.num_velocities();
-  }
+  const Eigen::Index positions = model_->NumPositions(), velocities = model_->NumVelocities();
   ReleasedGil gil;
   std::vector<std::optional<Simulation::Snapshot>> next(static_cast<std::size_t>(count_));
   std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));

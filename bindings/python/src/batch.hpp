@@ -101,6 +101,10 @@ class Batch {
  private:
   /// Makes the members, each by what was drawn.
   void Begin(ReleasedGil& gil);
+  using MemberWork = std::function<Expected<void>(std::size_t)>;
+  // work(i) on threads for all members whose entry of `mask` is set, where check(i) of all of them succeeds. Throws the
+  // first error as Refused.
+  void ForChosen(const std::vector<char>& mask, const MemberWork& check, const MemberWork& work);
   void ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask, const MemberDifferences& differences);
   // Calls work(i) of every member on threads until it returns true: it ends early, at a whole step, where a
   // pause is due. False after an interruption, which leaves members out.

@@ -110,9 +110,8 @@ Array RatesOf(const Batch& batch) {
 
 Array FileNumbersOf(const Batch& batch, VectorX FileState::*part) {
   const std::vector<FileJoint>& joints = batch.model()->joints();
-  const auto count = part == &FileState::positions ? &FileJoint::num_positions : &FileJoint::num_velocities;
-  std::size_t width = 0;
-  for (const FileJoint& joint : joints) width += static_cast<std::size_t>((joint.*count)());
+  const auto width = static_cast<std::size_t>(part == &FileState::positions ? batch.model()->NumPositions()
+                                                                            : batch.model()->NumVelocities());
   return Gather(batch, {Count(batch), width}, [&](const Simulation& s, double* row) {
     const FileState state = ComputeFileState(joints, batch.model()->scene(), s.State());
     std::copy((state.*part).data(), (state.*part).data() + width, row);
@@ -120,9 +119,8 @@ Array FileNumbersOf(const Batch& batch, VectorX FileState::*part) {
 }
 
 // (width,) for all, or (n, width): rows of all members.
-std::vector<double> ReadRows(const Batch& batch, nb::handle given, std::size_t width,
+std::vector<double> ReadRows(const Batch& batch, const Numbers& read, std::size_t width,
                              const std::string& argument) {
-  const Numbers read = ReadNumbers(given, argument);
   std::vector<double> rows;
   if (read.ndim() == 1 && read.shape(0) == width) {
     for (int i = 0; i < batch.size(); ++i) rows.insert(rows.end(), read.data(), read.data() + read.size());
@@ -149,7 +147,7 @@ std::vector<MemberPushes> ReadPushes(const Batch& batch, const nb::object& given
     const std::string argument = "push['" + body + "']";
     const Numbers read = ReadNumbers(value, argument);
     const std::size_t width = read.ndim() > 0 && read.shape(read.ndim() - 1) == 6 ? 6 : 3;
-    const std::vector<double> rows = ReadRows(batch, value, width, argument);
+    const std::vector<double> rows = ReadRows(batch, read, width, argument);
     for (std::size_t i = 0; i < Count(batch); ++i) {
       Vector6 F = Vector6::Zero();
       F.tail(static_cast<Eigen::Index>(width)) =
@@ -172,7 +170,8 @@ BatchReport Step(Batch& batch, const nb::object& controls, const Whole& given_st
                  const nb::object& push) {
   const int steps = given_steps.Within("steps", 0);
   std::vector<double> rows;
-  if (!controls.is_none()) rows = ReadRows(batch, controls, batch.control_names().size(), "controls");
+  if (!controls.is_none())
+    rows = ReadRows(batch, ReadNumbers(controls, "controls"), batch.control_names().size(), "controls");
   return batch.Step(controls.is_none() ? nullptr : rows.data(), steps, move, ReadPushes(batch, push));
 }
 
@@ -209,14 +208,13 @@ void RestoreBatch(Batch& batch, const nb::object& moment, const nb::object& mask
 }
 
 void SetBatchState(Batch& batch, const nb::object& qpos, const nb::object& qvel, const nb::object& mask) {
-  std::size_t positions = 0, velocities = 0;
-  for (const FileJoint& joint : batch.model()->joints()) {
-    positions += static_cast<std::size_t>(joint.num_positions());
-    velocities += static_cast<std::size_t>(joint.num_velocities());
-  }
   std::vector<double> q, v;
-  if (!qpos.is_none()) q = ReadRows(batch, qpos, positions, "qpos");
-  if (!qvel.is_none()) v = ReadRows(batch, qvel, velocities, "qvel");
+  if (!qpos.is_none())
+    q = ReadRows(batch, ReadNumbers(qpos, "qpos"), static_cast<std::size_t>(batch.model()->NumPositions()),
+                 "qpos");
+  if (!qvel.is_none())
+    v = ReadRows(batch, ReadNumbers(qvel, "qvel"), static_cast<std::size_t>(batch.model()->NumVelocities()),
+                 "qvel");
   batch.SetState(ReadMask(batch, mask), qpos.is_none() ? nullptr : q.data(),
                  qvel.is_none() ? nullptr : v.data());
 }

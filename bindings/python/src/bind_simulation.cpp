@@ -290,6 +290,16 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "that was read change nothing.",
               kOwn)
           .def_prop_ro(
+              "control_limits",
+              [](Runner& r) {
+                return OwnMatrix(r.With([](Simulation& s) {
+                  MatrixX limits(s.controls().size(), 2);
+                  limits << s.control_lower(), s.control_upper();
+                  return limits;
+                }));
+              },
+              "(c, 2) least and largest value of each set-point, infinite where there is no limit.", kOwn)
+          .def_prop_ro(
               "start_controls",
               [](Runner& r) { return OwnVector(r.With([](Simulation& s) { return s.start_controls(); })); },
               "(c,) where the next step with move=True starts: all set-points at the end of the last step.",
@@ -308,7 +318,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
                 r.SetNewtonTolerance(tolerance.Read("newton_tolerance"));
               },
               "Share of the motion of a step that its solution may be off by, 1e-6 by default. 1e-15 solves steps "
-              "as far as rounding lets them, for differences of runs; it takes about twice as long. Raises UsageError "
+              "as far as rounding lets them, for differences of runs; it takes some more iterations. Raises UsageError "
               "for numbers that are not above 0 and up to 0.01, and while a recording goes on.")
           .def_prop_ro(
               "bodies", [](const Runner& r) { return r.model()->BodyNames(); },

@@ -37,6 +37,9 @@ class Model {
   const std::vector<PosedMechanism>& mechanisms() const { return mechanisms_; }
   /// Joints of the file that move, in its order: those of qpos and qvel.
   const std::vector<FileJoint>& joints() const { return joints_; }
+  /// Of all these.
+  Eigen::Index NumPositions() const { return Sum(&FileJoint::num_positions); }
+  Eigen::Index NumVelocities() const { return Sum(&FileJoint::num_velocities); }
 
   /// The reduction of a mechanism at its pose. Throws Refused.
   std::shared_ptr<const ReducedModel> Reduction(std::size_t mechanism) const;
@@ -44,6 +47,12 @@ class Model {
   std::vector<std::string> BodyNames() const;
 
  private:
+  Eigen::Index Sum(int (FileJoint::*count)() const) const {
+    Eigen::Index sum = 0;
+    for (const FileJoint& joint : joints_) sum += (joint.*count)();
+    return sum;
+  }
+
   std::string origin_;
   std::optional<ImportOptions> file_options_;
   ImportedScene imported_;

@@ -136,7 +136,9 @@ void ReduceForce(const ReducedModel& model, const RowMatrixX& Q, const VectorX& 
 
 /// rad and m: residual at which corrections of loops end, far below the 0.01 mm that users see.
 inline constexpr double kClosingTolerance = 1e-10;
-inline constexpr double kClosedToRounding = 1e-14;  // as far as rounding lets loops of some metres be closed
+/// The same where loops are to be closed as far as rounding lets them: some tens of units in the last place of the longest
+/// path through a mechanism, or of a radian.
+double ClosedToRounding(const Mechanism& mechanism);
 
 /// Result and scratch of the map from reduced coordinates to joint displacements and body poses, with loops closed.
 struct Configuration {

@@ -39,7 +39,7 @@ struct LinearizeOptions {
 /// δx = [δp; δv; δa] counts from x*. δp: for every mechanism independent joint coordinates [rad or m], as many as it has
 /// freedoms, and of a base that floats its rotation vector [rad] and the displacement of its origin [m]; for every
 /// free body the same six; world axes. δv: their rates, of rotations the angular velocity. δa: activations of controls
-/// with dynamics. δu: of all controls. δy: of every output six as of a free body.
+/// with dynamics. δu: of the inputs. δy: of every output six as of a free body.
 struct LinearizedStep {
   double dt = 0;                                  // s
   std::size_t num_joints = 0;                     // joint coordinates of the scene

@@ -68,6 +68,7 @@ class Simulation {
   const Scene& scene() const { return scene_; }
   /// What world() was made of: the scene with interface bodies refined and held bodies taken into mechanisms.
   const Scene& present_scene() const { return *present_scene_; }
+  /// Those it was made with; `step` as it is now.
   const SimulationOptions& options() const { return options_; }
 
   /// Simulates with more or less detail from the present state on: poses stay, velocities as far as the new
@@ -117,6 +118,9 @@ class Simulation {
   /// Whether a control is a coordinate of a driven base.
   bool DrivesBase(int index) const;
   const VectorX& controls() const { return controls_; }
+  /// Limits of all controls, infinite where there is none.
+  const VectorX& control_lower() const { return control_lower_; }
+  const VectorX& control_upper() const { return control_upper_; }
   /// Values outside the control's limits are moved to the nearest limit. Whether what is set is held
   /// throughout the next step or is where the step ends: Step.
   void SetControl(int index, double value);
