@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from rerun.chunk import RrdReader
 from ._core import RecordedShape
 from ._log_source import Array, Source, Stretch, text
 
+QUIET = 10.0  # s without a byte in the file, after which nothing is waited for
 ARROW_COLOR = (230, 50, 25)
 PUSH_COLOR = (40, 110, 230)
 REPORT = (
@@ -72,16 +74,27 @@ class RerunLog:
             steps += len(stretch)
         if steps == 0:
             self._write_start(0.0)
-        try:
-            self._stream.flush()
-        except RuntimeError as error:  # the thread that writes ended: the cause is in Rerun's log alone
-            raise OSError(f"Rerun: {error}") from None
+        self._flush()
         self._stream.disconnect()  # writes the footer and reports no error: without one the file has no store
         try:
             RrdReader(self._path).store()
         except RuntimeError as error:
             raise OSError(f"Rerun: {error}") from None
         return steps
+
+    def _flush(self) -> None:
+        """Waits while the file grows. Where the thread that writes has ended, the cause is in Rerun's log alone, and one that
+        ends during the call leaves it waiting."""
+        written = -1
+        while True:
+            try:
+                self._stream.flush(timeout_sec=QUIET)
+                return
+            except RuntimeError as error:
+                size = os.path.getsize(self._path)
+                if size == written:
+                    raise OSError(f"Rerun: {error}") from None
+                written = size
 
     def _write_start(self, time: float) -> None:
         self._write_poses(np.array([time]), self._source.reader.initial_poses[np.newaxis])

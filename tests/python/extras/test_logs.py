@@ -457,6 +457,21 @@ def test_command(recording, tmp_path):
     assert refused.returncode == 3 and "gone.h5" in refused.stderr and "Traceback" not in refused.stderr
 
 
+def test_a_writer_that_never_answers_is_an_error(recording, tmp_path, monkeypatch):
+    rerun = pytest.importorskip("rerun")
+    calls = []
+
+    def silent(stream, *, timeout_sec):
+        calls.append(timeout_sec)
+        raise RuntimeError("timed out")
+
+    monkeypatch.setattr(rerun.RecordingStream, "flush", silent)
+    with pytest.raises(fork1s.FileError, match=r"run\.rrd: cannot be written \(Rerun: timed out\)"):
+        fork1s.logs.export_rerun(recording, tmp_path / "run.rrd")
+    assert 2 <= len(calls) < 10 and calls[0] == 10.0
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_missing_packages_are_named(recording, tmp_path):
     program = f"""
 import sys
