@@ -99,7 +99,7 @@ std::unique_ptr<Instance::State> Instance::ReadState(const std::string& bytes) c
   BatchContent batch = ValueOrThrow(ReadBatchBytes(moment, "state"));
   if (batch.snapshots.size() != 1) RefuseDamage();
   state->simulation = std::move(batch.snapshots[0]);
-  ValueOrThrow(CompleteSnapshot(simulation_, "state", state->simulation));
+  ValueOrThrow(CompleteSnapshot(simulation_.Save(), "state", state->simulation));
   return state;
 }
 

@@ -208,9 +208,9 @@ void Fields(A& a, Like<BaseHistory, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<MechanismState, A>& s) {
-  auto& [model, reduced, expanded_at, mu, controls, controls_from, controls_move, activation, driven_next,
-         knows_driven_rate, driven_rate, base_history, loads, has_loads, point_spring, point_spring_body,
-         at_bound, missing_time, reference_age, acceleration] = s;
+  auto& [model, step_model, reduced, expanded_at, mu, controls, controls_from, controls_move, activation,
+         driven_next, knows_driven_rate, driven_rate, base_history, loads, has_loads, point_spring,
+         point_spring_body, at_bound, missing_time, reference_age, acceleration] = s;
   if constexpr (kReads<A>) {
     auto read = std::make_shared<ReducedModel>();
     a("model", *read);
@@ -522,12 +522,11 @@ Expected<BatchContent> ReadBatchBytes(const std::string& bytes, const std::strin
   return internal::FromBytes<BatchContent>(bytes, where);
 }
 
-Expected<void> CompleteSnapshot(const Simulation& made, const std::string& where,
+Expected<void> CompleteSnapshot(const Simulation::Snapshot& made, const std::string& where,
                                 Simulation::Snapshot& snapshot) {
-  Simulation::Snapshot as_made = made.Save();
-  snapshot.made_of = std::move(as_made.made_of);
+  snapshot.made_of = made.made_of;
   std::vector<std::shared_ptr<const Mechanism>> mechanisms;
-  for (const MechanismState& state : as_made.world.mechanisms) mechanisms.push_back(state.model->mechanism);
+  for (const MechanismState& state : made.world.mechanisms) mechanisms.push_back(state.model->mechanism);
   return internal::CompleteModels(mechanisms, where, snapshot);
 }
 

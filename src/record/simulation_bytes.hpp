@@ -42,9 +42,9 @@ struct BatchContent {
 std::string WriteBatchBytes(const BatchContent& content);
 /// Each moment is to be completed by CompleteSnapshot. Errors likewise.
 Expected<BatchContent> ReadBatchBytes(const std::string& bytes, const std::string& where);
-/// Gives a moment of a batch scene and mechanisms: those of `made`, the simulation as it was made. Errors: kFormat
+/// Gives a moment of a batch scene and mechanisms: those of `made`, of the simulation as it was made. Errors: kFormat
 /// where it has other mechanisms.
-Expected<void> CompleteSnapshot(const Simulation& made, const std::string& where,
+Expected<void> CompleteSnapshot(const Simulation::Snapshot& made, const std::string& where,
                                 Simulation::Snapshot& snapshot);
 
 }  // namespace fork1s

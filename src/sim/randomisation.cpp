@@ -126,8 +126,7 @@ Expected<Starts> Starts::Create(Scene scene, const SimulationOptions& options,
 }
 
 Expected<Simulation> Starts::Begin(const Drawn& drawn) const {
-  FORK1S_REQUIRE(drawn.start.size() == static_cast<Eigen::Index>(places_.size()), drawn.start.size(),
-                 places_.size());
+  FORK1S_REQUIRE(drawn.start.size() == num_coordinates(), drawn.start.size(), num_coordinates());
   Scene scene = Vary(scene_, drawn.factors);
   if (places_.empty()) return Simulation::Create(std::move(scene), options_);
   KeyframeDef key = key_;

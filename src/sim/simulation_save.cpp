@@ -8,10 +8,25 @@
 namespace fork1s {
 
 Simulation::Snapshot Simulation::Save() const {
-  Snapshot snapshot{steps_,         controls_,       last_controls_, base_rates_, fidelity_, frozen_grasps_,
-                    present_scene_, world_keyframe_, base_start_,    last_step_,  {}};
-  world_.Save(snapshot.world);
+  Snapshot snapshot;
+  Save(snapshot);
   return snapshot;
+}
+
+void Simulation::Save(Snapshot& out) const {
+  auto& [steps, controls, last_controls, base_rates, fidelity, frozen_grasps, made_of, keyframe, base_start,
+         last_step, world] = out;
+  steps = steps_;
+  controls = controls_;
+  last_controls = last_controls_;
+  base_rates = base_rates_;
+  fidelity = fidelity_;
+  frozen_grasps = frozen_grasps_;
+  made_of = present_scene_;
+  keyframe = world_keyframe_;
+  base_start = base_start_;
+  last_step = last_step_;
+  world_.Save(world);
 }
 
 Expected<void> Simulation::Restore(const Snapshot& snapshot) {
@@ -25,19 +40,20 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   if (then.name != scene_.name) return other("another name");
   if (then.mechanisms.size() != scene_.mechanisms.size()) return other("another number of mechanisms");
   if (snapshot.controls.size() != controls_.size()) return other("another number of controls");
-  auto places = internal::PlacesOf(given_, snapshot.frozen_grasps);
-  if (!places) return tl::unexpected(places.error());
   const bool same_world =
       fidelity_ == snapshot.fidelity && world_keyframe_ == snapshot.keyframe &&
       frozen_grasps_.size() == snapshot.frozen_grasps.size() &&
       (present_scene_ == snapshot.made_of || (frozen_grasps_.empty() && world_keyframe_ < 0));
   if (!same_world) {
+    auto places = internal::PlacesOf(given_, snapshot.frozen_grasps);
+    if (!places) return tl::unexpected(places.error());
     World::Options options = WorldOptions(snapshot.fidelity);
     options.initial_keyframe = snapshot.keyframe;
     auto world = World::Create(then, options);
     if (!world) return tl::unexpected(world.error());
     if (auto fits = world->CanRestore(snapshot.world); !fits) return fits;
     world_ = std::move(*world);
+    places_ = std::move(*places);
   } else if (auto fits = world_.CanRestore(snapshot.world); !fits) {
     return fits;
   }
@@ -46,7 +62,6 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   world_keyframe_ = snapshot.keyframe;
   fidelity_ = snapshot.fidelity;
   frozen_grasps_ = snapshot.frozen_grasps;
-  places_ = std::move(*places);
   steps_ = snapshot.steps;
   controls_ = snapshot.controls;
   last_controls_ = snapshot.last_controls;
@@ -55,7 +70,7 @@ Expected<void> Simulation::Restore(const Snapshot& snapshot) {
   last_step_ = snapshot.last_step;
   // Forces of frozen contacts depend on more than what is saved.
   last_step_.exists = last_step_.exists && frozen_grasps_.empty();
-  ListBodies();
+  if (!same_world) ListBodies();
   return {};
 }
 

@@ -6,16 +6,15 @@
 
 namespace fork1s {
 
-MechanismDynamics::MechanismDynamics(std::shared_ptr<const MechanismModel> model, MechanismState state,
-                                     std::unique_ptr<MechanismWorkspace> work)
-    : model_(std::move(model)), state_(std::move(state)), work_(std::move(work)) {}
+MechanismDynamics::MechanismDynamics(MechanismState state, std::unique_ptr<MechanismWorkspace> work)
+    : state_(std::move(state)), work_(std::move(work)) {}
 
 MechanismDynamics::~MechanismDynamics() = default;
 MechanismDynamics::MechanismDynamics(MechanismDynamics&&) noexcept = default;
 MechanismDynamics& MechanismDynamics::operator=(MechanismDynamics&&) noexcept = default;
 
 MechanismDynamics::MechanismDynamics(const MechanismDynamics& other)
-    : model_(other.model_), state_(other.state_), work_(std::make_unique<MechanismWorkspace>(*other.work_)) {}
+    : state_(other.state_), work_(std::make_unique<MechanismWorkspace>(*other.work_)) {}
 
 MechanismDynamics& MechanismDynamics::operator=(const MechanismDynamics& other) {
   return *this = MechanismDynamics(other);
@@ -49,6 +48,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   if (options.recovery == Recovery::kCurved) reduced->curvature = LoopCurvature(*reduced);
   start.model = std::make_shared<const ReducedModel>(std::move(*reduced));
   const auto model = std::make_shared<const MechanismModel>(start.model, options);
+  start.step_model = model;
   const int r = model->size();
   start.reduced.z = VectorX::Zero(r);
   start.reduced.w = VectorX::Zero(r);
@@ -57,7 +57,7 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   start.at_bound.resize(mechanism->force_limits().size(), 0);
 
   StartAtReference(*model, start);
-  MechanismDynamics dynamics(model, std::move(start), std::make_unique<MechanismWorkspace>(*model));
+  MechanismDynamics dynamics(std::move(start), std::make_unique<MechanismWorkspace>(*model));
   const StepContext ctx = dynamics;
   Size(ctx);
   if (q_dot0.size() > 0 && !q_dot0.isZero(0)) {
@@ -74,19 +74,19 @@ Expected<MechanismDynamics> MechanismDynamics::Create(std::shared_ptr<const Mech
   return dynamics;
 }
 
-MechanismDynamics::operator StepContext() { return {*model_, state_, *work_}; }
-MechanismDynamics::operator ConstStepContext() const { return {*model_, state_, *work_}; }
+MechanismDynamics::operator StepContext() { return {*state_.step_model, state_, *work_}; }
+MechanismDynamics::operator ConstStepContext() const { return {*state_.step_model, state_, *work_}; }
 
 const Configuration& MechanismDynamics::configuration() const { return ConfigurationOf(*this); }
-const std::vector<ContactGroup>& MechanismDynamics::groups() const { return model_->groups; }
-Recovery MechanismDynamics::recovery() const { return model_->options.recovery; }
+const std::vector<ContactGroup>& MechanismDynamics::groups() const { return step_model().groups; }
+Recovery MechanismDynamics::recovery() const { return step_model().options.recovery; }
 bool MechanismDynamics::is_expanded() const { return work_->expansion.in_use; }
 bool MechanismDynamics::went_by_expansion() const { return work_->start.by_expansion; }
-int MechanismDynamics::num_velocities() const { return model_->num_velocities(); }
+int MechanismDynamics::num_velocities() const { return step_model().num_velocities(); }
 const std::vector<Mechanism::LengthLimit>& MechanismDynamics::length_limits() const {
-  return model_->length_limits;
+  return step_model().length_limits;
 }
-const std::vector<std::string>& MechanismDynamics::warnings() const { return model_->warnings; }
+const std::vector<std::string>& MechanismDynamics::warnings() const { return step_model().warnings; }
 
 void MechanismDynamics::AddWrench(BodyIndex body, const Vector3& force_W, const Vector3& moment_W,
                                   const Vector3& point_W) {
@@ -98,10 +98,8 @@ void MechanismDynamics::SetPointSpring(BodyIndex body, const PointSpring& spring
 LinearizationDrift MechanismDynamics::ComputeLinearizationDrift() const {
   return fork1s::ComputeLinearizationDrift(*this);
 }
-bool MechanismDynamics::Refresh() { return fork1s::Refresh(model_, state_, *work_); }
-void MechanismDynamics::Restore(const MechanismState& saved) {
-  fork1s::Restore(model_, state_, *work_, saved);
-}
+bool MechanismDynamics::Refresh() { return fork1s::Refresh(state_, *work_); }
+void MechanismDynamics::Restore(const MechanismState& saved) { fork1s::Restore(state_, *work_, saved); }
 
 void MechanismDynamics::SetClosingTolerance(double tolerance) {
   work_->configuration.closing_tolerance = tolerance;

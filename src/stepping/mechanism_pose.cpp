@@ -28,11 +28,13 @@ void Renew(const StepContext& ctx) {
   Size(ctx);
 }
 
-void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws,
-             const MechanismState& saved) {
+void Restore(MechanismState& state, MechanismWorkspace& ws, const MechanismState& saved) {
   const bool same_model = saved.model == state.model;
+  const auto before = state.step_model;
   state = saved;
-  if (!same_model) model = std::make_shared<const MechanismModel>(*model, state.model);
+  if (!state.step_model)
+    state.step_model = same_model ? before : std::make_shared<const MechanismModel>(*before, state.model);
+  const auto& model = state.step_model;
   const StepContext ctx{*model, state, ws};
   if (!same_model) Renew(ctx);
   ws.x.tail(model->size()) = state.reduced.w;

@@ -163,7 +163,8 @@ LinearizationDrift FindMissingLoad(const StepContext& ctx, double h, const Matri
   return missing;
 }
 
-bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& ws) {
+bool Refresh(MechanismState& state, MechanismWorkspace& ws) {
+  std::shared_ptr<const MechanismModel>& model = state.step_model;
   const Mechanism& m = model->mechanism();
   VectorX q = ConfigurationOf({*model, state, ws}).q;
   Kinematics kinematics(m);
@@ -225,7 +226,7 @@ bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state
   Renew(ctx);
   VectorX x = SolveSymmetric(ws.mass.M, p);
   if (!x.allFinite()) {
-    Restore(model, state, ws, before);
+    Restore(state, ws, before);
     return false;
   }
   ws.x = x;

@@ -152,8 +152,7 @@ void EndStep(const StepContext& ctx, double between_stages);
 // Between steps.
 
 /// Puts back a state, of here or of another mechanism that was created the same way; the model follows it.
-void Restore(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work,
-             const MechanismState& saved);
+void Restore(MechanismState& state, MechanismWorkspace& work, const MechanismState& saved);
 /// As MechanismDynamics::ComputeLinearizationDrift.
 LinearizationDrift ComputeLinearizationDrift(const ConstStepContext& ctx);
 /// Keeps what a step from `start` did to the loads, for the two functions below: the joint forces of stops,
@@ -174,7 +173,7 @@ void DropExpansionIfFar(const StepContext& ctx);
 /// False where joints have turned so far from the expansion that it tells nothing of the pose.
 bool IsWithinExpansion(const ConstStepContext& ctx);
 /// As MechanismDynamics::Refresh.
-bool Refresh(std::shared_ptr<const MechanismModel>& model, MechanismState& state, MechanismWorkspace& work);
+bool Refresh(MechanismState& state, MechanismWorkspace& work);
 
 // Ports: what contacts see.
 

@@ -48,9 +48,10 @@ class Hash {
     Add(z, w, X_WR, V_R);
   }
   void One(const MechanismState& state) {
-    const auto& [model, reduced, expanded_at, mu, controls, controls_from, controls_move, activation,
-                 driven_next, knows_driven_rate, driven_rate, base_history, loads, has_loads, point_spring,
-                 point_spring_body, at_bound, missing_time, reference_age, acceleration] = state;
+    const auto& [model, step_model, reduced, expanded_at, mu, controls, controls_from, controls_move,
+                 activation, driven_next, knows_driven_rate, driven_rate, base_history, loads, has_loads,
+                 point_spring, point_spring_body, at_bound, missing_time, reference_age, acceleration] =
+        state;
     if (controls_move || controls_from != controls) Add(controls_from);
     if (activation.size() > 0) Add(activation);
     if (knows_driven_rate) Add(driven_rate);

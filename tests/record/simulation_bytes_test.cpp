@@ -63,12 +63,12 @@ TEST(SimulationBytes, MomentsOfABatchTakeTheSceneOfThoseThatAreMade) {
   ASSERT_TRUE(read) << read.error().Text();
   ASSERT_EQ(read->snapshots.size(), 2u);
   Simulation other = CreateOrThrow(TouchingScene(), read->options);
-  ASSERT_TRUE(CompleteSnapshot(other, "bytes", read->snapshots[1]));
+  ASSERT_TRUE(CompleteSnapshot(other.Save(), "bytes", read->snapshots[1]));
   ASSERT_TRUE(other.Restore(read->snapshots[1]));
   ExpectSameSteps(simulation, other, 30);
   // Of another scene.
   Simulation falling = CreateOrThrow(Scene{});
-  const auto completed = CompleteSnapshot(falling, "bytes", read->snapshots[0]);
+  const auto completed = CompleteSnapshot(falling.Save(), "bytes", read->snapshots[0]);
   ASSERT_FALSE(completed);
   EXPECT_EQ(completed.error().code, ErrorCode::kFormat);
   // Without its scene no moment stands by itself.

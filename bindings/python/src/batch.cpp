@@ -27,6 +27,17 @@ SimulationOptions MemberOptions(const Model& model, const RunOptions& given) {
   return WithoutReserve(OptionsOf(model, given));
 }
 
+Starts StartsOf(const Model& model, const SimulationOptions& options, const Randomisation& ranges) {
+  return ValueOrThrow(Starts::Create(model.scene(), options, ranges.start), model.origin());
+}
+
+// As Simulation::SetControls, of all members before the first is changed.
+void RequireFinite(const std::vector<std::string>& names, const double* controls, std::size_t members) {
+  for (std::size_t i = 0; i < members * names.size(); ++i)
+    FORK1S_REQUIRE(std::isfinite(controls[i]), "control '" + names[i % names.size()] + "' to", controls[i],
+                   "; give a finite number");
+}
+
 void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors& factors) {
   double* const all[3] = {&factors.stiffness, &factors.friction, &factors.mass};
   for (std::size_t k = 0; k < 3; ++k)
@@ -72,13 +83,11 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
       threads_(threads),
       has_seeds_(!differences.seeds.empty()),
       options_(MemberOptions(*model_, options)),
-      starts_(ValueOrThrow(Starts::Create(model_->scene(), options_, differences.ranges.start),
-                           model_->origin())),
       ranges_(differences.ranges),
       seeds_(differences.seeds),
       times_(differences.seeds.size(), 0),
       drawn_(static_cast<std::size_t>(count)),
-      sensors_(static_cast<std::size_t>(count)) {
+      members_(StartsOf(*model_, options_, ranges_), drawn_.size()) {
   ReleasedGil gil;
   for (std::size_t i = 0; i < drawn_.size(); ++i) {
     drawn_[i].start = VectorX::Zero(static_cast<Eigen::Index>(ranges_.start.size()));
@@ -89,15 +98,14 @@ Batch::Batch(std::shared_ptr<const Model> model, int count, MemberDifferences di
 }
 
 void Batch::Begin(ReleasedGil& gil) {
-  std::vector<std::optional<Expected<Simulation>>> made(drawn_.size());
+  std::vector<Expected<void>> begun(drawn_.size());
   MakeOnThreads(gil, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
-    made[at] = starts_.Begin(drawn_[at]);
+    begun[at] = members_.Begin(at, drawn_[at]);
   });
   gil.ThrowIfInterrupted();
-  simulations_.reserve(made.size());
-  for (auto& m : made) simulations_.push_back(ValueOrThrow(std::move(*m), model_->origin()));
-  control_names_ = simulations_.front().control_names();
+  for (Expected<void>& one : begun) ValueOrThrow(std::move(one), model_->origin());
+  members_.Read(0, [&](const Simulation& simulation) { control_names_ = simulation.control_names(); });
 }
 
 Batch::Batch(std::shared_ptr<const Model> model, Content content)
@@ -106,19 +114,17 @@ Batch::Batch(std::shared_ptr<const Model> model, Content content)
       threads_(content.threads),
       has_seeds_(!content.seeds.empty()),
       options_(WithoutReserve(content.simulations.options)),
-      starts_(
-          ValueOrThrow(Starts::Create(model_->scene(), options_, content.ranges.start), model_->origin())),
       ranges_(std::move(content.ranges)),
       seeds_(std::move(content.seeds)),
       times_(std::move(content.times)),
       drawn_(std::move(content.drawn)),
-      sensors_(drawn_.size()) {
+      members_(StartsOf(*model_, options_, ranges_), drawn_.size()) {
   ReleasedGil gil;
   Begin(gil);
-  for (std::size_t i = 0; i < simulations_.size(); ++i) {
+  for (std::size_t i = 0; i < drawn_.size(); ++i) {
     Simulation::Snapshot& moment = content.simulations.snapshots[i];
-    ValueOrThrow(CompleteSnapshot(simulations_[i], "pickle of Batch", moment));
-    ValueOrThrow(simulations_[i].Restore(moment), model_->origin());
+    ValueOrThrow(CompleteSnapshot(members_.Moment(i), "pickle of Batch", moment));
+    ValueOrThrow(members_.Restore(i, moment, drawn_[i].factors), model_->origin());
   }
 }
 
@@ -127,8 +133,8 @@ Batch::Content Batch::GetContent() const {
   ReleasedGil gil;
   WithCallMutex(mutex_, "Batch", [&] {
     content = {{options_, {}}, threads_, ranges_, seeds_, times_, drawn_};
-    for (const Simulation& simulation : simulations_) {
-      content.simulations.snapshots.push_back(simulation.Save());
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      content.simulations.snapshots.push_back(members_.Moment(i));
       // Members have the detail that they began with, so the scene is the one that is drawn again.
       content.simulations.snapshots.back().made_of.reset();
     }
@@ -148,25 +154,31 @@ BatchReport Batch::Step(const double* controls, int steps, bool move,
   std::vector<internal::StepTotals> reports(count);
   std::vector<std::optional<ControlMove>> moves(count);
   std::vector<int> made(count);
+  std::vector<char> begun(count);
   WithCallMutex(mutex_, "Batch", [&] {
-    for (std::size_t i = 0; i < count; ++i) {
-      if (controls)
-        simulations_[i].SetControls(
-            Eigen::Map<const VectorX>(controls + static_cast<Eigen::Index>(i) * width, width));
-      if (move && steps > 0) moves[i].emplace(simulations_[i], steps);
-    }
+    if (controls) RequireFinite(control_names_, controls, count);
     OnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
-      Simulation& simulation = simulations_[at];
-      internal::StepTotals& report = reports[at];
-      for (; made[at] < steps && report.finite; ++made[at]) {
-        if (gil.IsPauseDue()) return false;
-        for (const MemberPushes& push : pushes)
-          simulation.ApplyWrench(push.body, push.F_W[at].tail<3>(), push.F_W[at].head<3>(),
-                                 simulation.Pose(push.body).translation());
-        report.Add(moves[at] ? moves[at]->Step(simulation) : simulation.Step(), simulation.world());
-      }
-      return true;
+      bool complete = false;
+      members_.Change(at, [&](Simulation& simulation) {
+        if (!begun[at]) {
+          if (controls)
+            simulation.SetControls(
+                Eigen::Map<const VectorX>(controls + static_cast<Eigen::Index>(i) * width, width));
+          if (move && steps > 0) moves[at].emplace(simulation, steps);
+          begun[at] = true;
+        }
+        internal::StepTotals& report = reports[at];
+        for (; made[at] < steps && report.finite; ++made[at]) {
+          if (gil.IsPauseDue()) return;
+          for (const MemberPushes& push : pushes)
+            simulation.ApplyWrench(push.body, push.F_W[at].tail<3>(), push.F_W[at].head<3>(),
+                                   simulation.Pose(push.body).translation());
+          report.Add(moves[at] ? moves[at]->Step(simulation) : simulation.Step(), simulation.world());
+        }
+        complete = true;
+      });
+      return complete;
     });
   });
   for (std::size_t i = 0; i < count; ++i) {
@@ -200,31 +212,24 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
     }
     TakeGiven(differences, i, drawn[i].factors);
   }
-  // One after the other in place, so that no memory is taken beside that of the members. All or none: what is
-  // replaced already when one cannot begin, or a signal comes, is made again as it was.
+  // All or none: what is replaced already when one cannot begin, or a signal comes, goes back to where it was.
   std::vector<std::optional<Simulation::Snapshot>> replaced(drawn.size());
   std::vector<std::optional<Error>> errors(drawn.size());
   std::atomic<bool> failed = false;
   const bool complete = MakeOnThreads(gil, [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     if (!mask[at] || failed) return;
-    Expected<Simulation> next = starts_.Begin(drawn[at]);
-    if (next) {
-      replaced[at] = simulations_[at].Save();
-      sensors_[at].reset();
-      simulations_[at] = std::move(*next);
+    Simulation::Snapshot before = members_.Moment(at);
+    if (auto begun = members_.Begin(at, drawn[at])) {
+      replaced[at] = std::move(before);
     } else {
-      errors[at] = next.error();
+      errors[at] = begun.error();
       failed = true;
     }
   });
   if (failed || !complete) {
-    for (std::size_t i = 0; i < replaced.size(); ++i) {
-      if (!replaced[i]) continue;
-      simulations_[i] = ValueOrThrow(starts_.Begin(drawn_[i]), model_->origin());
-      sensors_[i].reset();
-      ValueOrThrow(simulations_[i].Restore(*replaced[i]), model_->origin());
-    }
+    for (std::size_t i = 0; i < replaced.size(); ++i)
+      if (replaced[i]) ValueOrThrow(members_.Restore(i, *replaced[i], drawn_[i].factors), model_->origin());
     for (std::optional<Error>& error : errors)
       if (error) throw Refused{std::move(*error)};
     return;
@@ -238,23 +243,22 @@ BatchSnapshot Batch::Save() const {
   BatchSnapshot moment;
   ReleasedGil gil;
   WithCallMutex(mutex_, "Batch", [&] {
-    moment.dt = simulations_.front().dt();
+    members_.Read(0, [&](const Simulation& simulation) { moment.dt = simulation.dt(); });
     moment.drawn = drawn_;
-    for (const Simulation& simulation : simulations_) moment.simulations.push_back(simulation.Save());
+    for (std::size_t i = 0; i < members_.size(); ++i) moment.simulations.push_back(members_.Moment(i));
   });
   return moment;
 }
 
-void Batch::ForChosen(const std::vector<char>& mask, const MemberWork& check, const MemberWork& work) {
+void Batch::ForChosen(const std::vector<char>& mask, const std::function<Expected<void>()>& check,
+                      const std::function<Expected<void>(std::size_t)>& work) {
   ReleasedGil gil;
   std::vector<std::optional<Error>> errors(static_cast<std::size_t>(count_));
   WithCallMutex(mutex_, "Batch", [&] {
-    for (std::size_t at = 0; at < mask.size(); ++at)
-      if (mask[at]) ValueOrThrow(check(at));
+    ValueOrThrow(check());
     OnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
       if (!mask[at]) return true;
-      sensors_[at].reset();
       if (auto done = work(at); !done) errors[at] = done.error();
       return true;
     });
@@ -266,30 +270,37 @@ void Batch::ForChosen(const std::vector<char>& mask, const MemberWork& check, co
 
 void Batch::Restore(const BatchSnapshot& moment, const std::vector<char>& mask,
                     const std::vector<int>& sources) {
-  const auto check = [&](std::size_t at) { return FitsStep(moment.dt, simulations_[at]); };
+  const auto check = [&] {
+    Expected<void> fits;
+    members_.Read(0, [&](const Simulation& simulation) { fits = FitsStep(moment.dt, simulation); });
+    return fits;
+  };
   ForChosen(mask, check, [&](std::size_t at) -> Expected<void> {
     const auto from = static_cast<std::size_t>(sources[at]);
-    if (!(drawn_[at].factors == moment.drawn[from].factors)) {
-      Expected<Simulation> next = starts_.Begin(moment.drawn[from]);
-      if (!next) return tl::unexpected(next.error());
-      simulations_[at] = std::move(*next);
-    }
-    drawn_[at] = moment.drawn[from];
-    return simulations_[at].Restore(moment.simulations[from]);
+    auto restored = members_.Restore(at, moment.simulations[from], moment.drawn[from].factors);
+    if (restored) drawn_[at] = moment.drawn[from];
+    return restored;
   });
 }
 
 void Batch::Restore(const Runner::Snapshot& moment, const std::vector<char>& mask) {
-  const auto check = [&](std::size_t at) -> Expected<void> {
-    if (auto fits = FitsStep(moment.dt, simulations_[at]); !fits) return fits;
-    if (!(drawn_[at].factors == SceneFactors{}))
-      return Fail(ErrorCode::kUsage, "restore",
-                  "member " + std::to_string(at) +
-                      " has factors of its own, with which the moment of a simulation is none of its; "
-                      "use set_state, or a batch without seeds and factors");
-    return FitsStiffness(moment, simulations_[at]);
+  const auto check = [&]() -> Expected<void> {
+    Expected<void> fits;
+    for (std::size_t at = 0; at < mask.size(); ++at)
+      if (mask[at] && !(drawn_[at].factors == SceneFactors{}))
+        return Fail(ErrorCode::kUsage, "restore",
+                    "member " + std::to_string(at) +
+                        " has factors of its own, with which the moment of a simulation is none of its; "
+                        "use set_state, or a batch without seeds and factors");
+    const auto first = static_cast<std::size_t>(std::find(mask.begin(), mask.end(), 1) - mask.begin());
+    if (first == mask.size()) return fits;
+    members_.Read(first, [&](const Simulation& simulation) {
+      fits = FitsStep(moment.dt, simulation);
+      if (fits) fits = FitsStiffness(moment, simulation);
+    });
+    return fits;
   };
-  ForChosen(mask, check, [&](std::size_t at) { return simulations_[at].Restore(moment.simulation); });
+  ForChosen(mask, check, [&](std::size_t at) { return members_.Restore(at, moment.simulation, {}); });
 }
 
 void Batch::SetState(const std::vector<char>& mask, const double* qpos, const double* qvel) {
@@ -302,33 +313,30 @@ void Batch::SetState(const std::vector<char>& mask, const double* qpos, const do
     const bool complete = MakeOnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
       if (!mask[at]) return;
-      const Simulation& simulation = simulations_[at];
-      KeyframeDef state = simulation.State();
-      FileState file = ComputeFileState(joints, simulation.scene(), state);
-      if (qpos) file.positions = Eigen::Map<const VectorX>(qpos + i * positions, positions);
-      if (qvel) file.velocities = Eigen::Map<const VectorX>(qvel + i * velocities, velocities);
-      if (auto done = ApplyFileState(joints, simulation.scene(), file, state); !done) {
-        errors[at] = done.error();
-        return;
-      }
-      auto restarted = fork1s::internal::RestartAt(simulation, state, model_->scene().keyframes.size());
-      if (!restarted) {
-        errors[at] = restarted.error();
-        return;
-      }
-      // In the member's own scene, which has no keyframe more.
-      const Simulation::Snapshot own = simulation.Save();
-      next[at] = restarted->simulation.Save();
-      next[at]->made_of = own.made_of;
-      next[at]->keyframe = own.keyframe;
+      members_.Read(at, [&](const Simulation& simulation) {
+        KeyframeDef state = simulation.State();
+        FileState file = ComputeFileState(joints, simulation.scene(), state);
+        if (qpos) file.positions = Eigen::Map<const VectorX>(qpos + i * positions, positions);
+        if (qvel) file.velocities = Eigen::Map<const VectorX>(qvel + i * velocities, velocities);
+        if (auto done = ApplyFileState(joints, simulation.scene(), file, state); !done) {
+          errors[at] = done.error();
+          return;
+        }
+        auto restarted = fork1s::internal::RestartAt(simulation, state, model_->scene().keyframes.size());
+        if (!restarted) {
+          errors[at] = restarted.error();
+          return;
+        }
+        next[at] = restarted->simulation.Save();
+        // Limits in force stay those that the member began with.
+        for (MechanismState& mechanism : next[at]->world.mechanisms) mechanism.step_model.reset();
+      });
     });
     for (std::optional<Error>& error : errors)
       if (error) throw Refused{std::move(*error)};
     if (!complete) return;
     for (std::size_t i = 0; i < next.size(); ++i) {
-      if (!next[i]) continue;
-      ValueOrThrow(simulations_[i].Restore(*next[i]));
-      sensors_[i].reset();
+      if (next[i]) ValueOrThrow(members_.Restore(i, *next[i], drawn_[i].factors));
     }
   });
   gil.ThrowIfInterrupted();
@@ -352,7 +360,7 @@ void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {
   ReleasedGil gil;
   WithCallMutex(mutex_, "Batch", [&] {
     OnThreads(gil, [&](int i) {
-      f(i, simulations_[static_cast<std::size_t>(i)]);
+      members_.Read(static_cast<std::size_t>(i), [&](const Simulation& simulation) { f(i, simulation); });
       return true;
     });
   });
@@ -374,18 +382,15 @@ SensorValues Batch::ReadSensors() {
   WithCallMutex(mutex_, "Batch", [&] {
     OnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
-      std::optional<Sensors>& sensors = sensors_[at];
-      if (sensors)
-        sensors->Update(simulations_[at]);
-      else
-        sensors.emplace(simulations_[at]);
-      std::copy_n(sensors->values().data(), width,
-                  read.values.begin() + static_cast<std::ptrdiff_t>(at * width));
+      members_.ReadSensors(at, [&](const Sensors& sensors) {
+        std::copy_n(sensors.values().data(), width,
+                    read.values.begin() + static_cast<std::ptrdiff_t>(at * width));
+        if (at > 0) return;
+        for (std::size_t k = 0; k < read.reasons.size(); ++k)
+          read.reasons[k] = sensors.definition(static_cast<int>(k)).reason;
+      });
       return true;
     });
-    if (sensors_.front())
-      for (std::size_t k = 0; k < read.reasons.size(); ++k)
-        read.reasons[k] = sensors_.front()->definition(static_cast<int>(k)).reason;
   });
   gil.ThrowIfInterrupted();
   return read;

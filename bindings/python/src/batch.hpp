@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <fork1s/sim/randomisation.hpp>
-#include <fork1s/sim/sensors.hpp>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -12,6 +11,7 @@
 #include "released_gil.hpp"
 #include "runner.hpp"
 #include "sensor_values.hpp"
+#include "sim/member_pool.hpp"
 
 namespace fork1s::python {
 
@@ -44,7 +44,7 @@ struct BatchSnapshot {
   std::vector<Drawn> drawn;
 };
 
-/// The members never share anything that moves, so results do not depend on the number of threads.
+/// Members share worlds but no state (fork1s::internal::MemberPool), so results do not depend on the number of threads.
 ///
 /// Methods that work on the members release the GIL before they lock them, and end within 0.1 s of a signal
 /// whose handler raises, or after the step at hand of a member if that is longer; they throw what it raised.
@@ -101,10 +101,10 @@ class Batch {
  private:
   /// Makes the members, each by what was drawn.
   void Begin(ReleasedGil& gil);
-  using MemberWork = std::function<Expected<void>(std::size_t)>;
-  // work(i) on threads for all members whose entry of `mask` is set, where check(i) of all of them succeeds. Throws the
-  // first error as Refused.
-  void ForChosen(const std::vector<char>& mask, const MemberWork& check, const MemberWork& work);
+  // work(i) on threads for all members whose entry of `mask` is set, where check() succeeds. Throws the first error as
+  // Refused.
+  void ForChosen(const std::vector<char>& mask, const std::function<Expected<void>()>& check,
+                 const std::function<Expected<void>(std::size_t)>& work);
   void ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask, const MemberDifferences& differences);
   // Calls work(i) of every member on threads until it returns true: it ends early, at a whole step, where a
   // pause is due. False after an interruption, which leaves members out.
@@ -116,13 +116,11 @@ class Batch {
   const int count_, threads_;
   const bool has_seeds_;
   const SimulationOptions options_;  // of each, before starts are drawn
-  Starts starts_;
   const Randomisation ranges_;
   // Below: with mutex_ held.
   std::vector<std::uint64_t> seeds_, times_;  // of each, and how often it has begun before; empty: none
   std::vector<Drawn> drawn_;
-  std::vector<Simulation> simulations_;
-  std::vector<std::optional<Sensors>> sensors_;  // of each since it began, when first asked for
+  mutable fork1s::internal::MemberPool members_;
   mutable CallMutex mutex_;
   std::vector<std::string> control_names_;  // of all, from the start
 };

@@ -54,6 +54,8 @@ class Starts {
                                  std::vector<StartRange> start = {});
   /// As Simulation::Create of the scene with these factors. May be called on several threads.
   Expected<Simulation> Begin(const Drawn& drawn) const;
+  /// Number of coordinates that are drawn.
+  Eigen::Index num_coordinates() const { return static_cast<Eigen::Index>(places_.size()); }
 
  private:
   enum class Kind { kJoint, kBase, kFreeBody };

@@ -201,6 +201,8 @@ class Simulation {
     WorldState world;
   };
   Snapshot Save() const;
+  /// Likewise into `out`; does not allocate where `out` has its sizes.
+  void Save(Snapshot& out) const;
   /// Goes back to it: the same steps from there give the same bits. Options of the step (dt, gravity,
   /// contact) are those of now. Errors leave everything as it was: kUsage for a snapshot of another scene.
   Expected<void> Restore(const Snapshot& snapshot);

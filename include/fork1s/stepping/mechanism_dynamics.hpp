@@ -11,8 +11,7 @@
 
 namespace fork1s {
 
-struct MechanismModel;  // insides of src/stepping
-struct StepContext;
+struct StepContext;  // insides of src/stepping
 struct ConstStepContext;
 struct MechanismWorkspace;
 
@@ -34,7 +33,7 @@ class MechanismDynamics {
   operator StepContext();
   operator ConstStepContext() const;
   /// All that stands between refreshes.
-  const MechanismModel& step_model() const { return *model_; }
+  const MechanismModel& step_model() const { return *state_.step_model; }
 
   const Mechanism& mechanism() const { return *model().mechanism; }
   const ReducedModel& model() const { return *state_.model; }
@@ -131,11 +130,9 @@ class MechanismDynamics {
   Vector6 BodyVelocity(BodyIndex b) const;
 
  private:
-  MechanismDynamics(std::shared_ptr<const MechanismModel> model, MechanismState state,
-                    std::unique_ptr<MechanismWorkspace> work);
+  MechanismDynamics(MechanismState state, std::unique_ptr<MechanismWorkspace> work);
 
-  std::shared_ptr<const MechanismModel> model_;
-  MechanismState state_;
+  MechanismState state_;  // with its step_model
   std::unique_ptr<MechanismWorkspace> work_;
 };
 

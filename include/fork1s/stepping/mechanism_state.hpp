@@ -11,6 +11,8 @@
 
 namespace fork1s {
 
+struct MechanismModel;  // insides of src/stepping
+
 /// All that the next step of a mechanism depends on beside its definition and options: a copy that is put
 /// back gives the same bits. Sizes: n joint coordinates, r reduced ones, m loop rows.
 struct MechanismState {
@@ -18,7 +20,8 @@ struct MechanismState {
   /// gives.
   static constexpr signed char kInSolve = 2;
 
-  std::shared_ptr<const ReducedModel> model;  // about the present reference
+  std::shared_ptr<const ReducedModel> model;         // about the present reference
+  std::shared_ptr<const MechanismModel> step_model;  // what steps make of it; null: Restore makes it again
   ReducedState reduced;
   VectorX expanded_at;  // r: z of the expansion that the next step begins with; empty: none
   VectorX mu;           // m: how far loops are closed along B at this pose, where the next correction starts
