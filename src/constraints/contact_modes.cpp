@@ -64,6 +64,14 @@ void RegularizedContactProblem::UpdateMode(const PairRows& pair, PointRows& poin
   if (point.HasMoments()) UpdateMoments(point, Turning(pair, point), normal, true);
 }
 
+// Σ |λ| as inertia weighs them: of impulses that cancel, rounding stays in every w.
+double RegularizedContactProblem::ImpulseSize() const {
+  double size = 0;
+  for (const PointRows& point : points)
+    if (!point.impulse.isZero(0)) size += std::sqrt(point.compliance.inverse_mass) * point.impulse.norm();
+  return size;
+}
+
 void RegularizedContactProblem::UpdateMoments(PointRows& point, const Vector3& turning, double y_n,
                                               bool with_piece) {
   for (int k = 0; k < 3; ++k) {
@@ -128,7 +136,7 @@ void RegularizedContactProblem::MeasureLaw(const double* d) {
     }
   for (LimitRows& limit : limits) EvaluateLimit(limit, d);
   law_gap_ = std::sqrt(law_gap_);
-  law_noise_ = std::sqrt(law_noise_);
+  law_noise_ = std::sqrt(law_noise_) + kRounding * ImpulseSize();
 }
 
 void RegularizedContactProblem::UpdateModes(const double* d, bool first) {
@@ -160,7 +168,7 @@ void RegularizedContactProblem::UpdateModes(const double* d, bool first) {
     limit.at_rest = limit.constant - limit.D * (limit.base + limit.offset);
   }
   law_gap_ = std::sqrt(law_gap_);
-  law_noise_ = std::sqrt(law_noise_);
+  law_noise_ = std::sqrt(law_noise_) + kRounding * ImpulseSize();
   GatherPush(&LimitRows::at_rest);
 }
 

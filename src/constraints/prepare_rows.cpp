@@ -137,13 +137,16 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
 
 // Points of a pair are of one material: they give alike.
 void RegularizedContactProblem::SetPairCompliance(PairRows& pair, double max_relative_regularization) {
-  pair.R_n = pair.R_t = std::numeric_limits<double>::infinity();
-  pair.least_R = 0;
+  pair.material_R_n = pair.material_R_t = pair.R_n = pair.R_t = std::numeric_limits<double>::infinity();
+  pair.least_R = pair.before_R_n = pair.before_given = 0;
+  pair.yields_to_no_force = false;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
     if (!point.compliance.is_moved) continue;
     double stiffer =
         std::min(1.0, max_relative_regularization * point.compliance.inverse_mass / point.compliance.R_n);
+    pair.material_R_n = std::min(pair.material_R_n, stiffer * point.compliance.R_n);
+    pair.material_R_t = std::min(pair.material_R_t, stiffer * point.compliance.R_t);
     if (point.previous.normal > 0)
       stiffer = std::min(stiffer, point.compliance.depth / (point.previous.normal * point.compliance.R_n));
     pair.R_n = std::min(pair.R_n, stiffer * point.compliance.R_n);
@@ -177,20 +180,39 @@ void RegularizedContactProblem::ApplyPairCompliance(const PairRows& pair) {
   }
 }
 
+// A pair of compliance R that is pressed together at the speed v gives λ R = v R/(W + R), W the inverse mass of what
+// presses: of two solves W = (λ R − λ' R')/(λ' − λ).
 bool RegularizedContactProblem::DecreaseRegularization() {
   // Twice the depth is let pass: of what comes in one step the next one takes note.
   constexpr double kLetPass = 2;
+  // What is more than a million times as heavy, or as stiff, as what it presses on is driven: then no force holds it up.
+  constexpr double kDriven = 1e-6;
   bool any = false;
   for (PairRows& pair : pairs) {
-    double share = 1;
+    if (pair.yields_to_no_force) continue;
+    double share = 1, given_most = 0, inverse_mass = 0;
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];
       const double given = point.impulse[0] * point.compliance.R_n;
       if (given > kLetPass * point.compliance.depth) share = std::min(share, point.compliance.depth / given);
+      if (given <= given_most) continue;
+      given_most = given;
+      inverse_mass = point.compliance.inverse_mass;
     }
-    if (share == 1 || pair.R_n * share < pair.least_R) continue;
-    pair.R_n *= share;
-    pair.R_t *= share;
+    if (share == 1) continue;
+    if (pair.before_given > 0 &&
+        pair.before_given - given_most <
+            kDriven * inverse_mass * (given_most / pair.R_n - pair.before_given / pair.before_R_n)) {
+      pair.yields_to_no_force = true;
+      pair.R_n = pair.material_R_n;
+      pair.R_t = pair.material_R_t;
+    } else {
+      if (pair.R_n * share < pair.least_R) continue;
+      pair.before_given = given_most;
+      pair.before_R_n = pair.R_n;
+      pair.R_n *= share;
+      pair.R_t *= share;
+    }
     ApplyPairCompliance(pair);
     any = true;
   }

@@ -122,6 +122,10 @@ struct PairRows {
   int next_of_a = -1, next_of_b = -1;  // pair of the same port
   int first = 0, count = 0;
   double R_n = 0, R_t = 0, least_R = 0;
+  double material_R_n = 0, material_R_t = 0;  // before any load makes it stiffer
+  // When this solve last made it stiffer: R_n, and what the point that gave most gave [m/s]; 0: it did not.
+  double before_R_n = 0, before_given = 0;
+  bool yields_to_no_force = false;  // what presses it
 };
 
 struct LimitRows {
@@ -188,7 +192,8 @@ class RegularizedContactProblem {
   void AddChange(const double* d, Eigen::Ref<VectorX> velocities) const;
   /// R' = max(R, share of the inverse mass) about the impulses at hand; share 0: the material's.
   void IncreaseRegularization(double share);
-  /// Makes pairs stiffer that were pressed in too deep by the impulses at hand. False where none was.
+  /// Makes pairs stiffer that were pressed in too deep by the impulses at hand. Where that did not help, since what
+  /// presses is driven, the pair has its material's compliance again. False where nothing changes.
   bool DecreaseRegularization();
   /// Original place of points[i].
   int place(std::size_t i) const { return order_[i]; }
@@ -223,6 +228,7 @@ class RegularizedContactProblem {
   void UpdateMode(const PairRows& pair, PointRows& point, bool first);
   void UpdateMoments(PointRows& point, const Vector3& turning, double y_n, bool with_piece);
   double EvaluateLimit(LimitRows& limit, const double* d);
+  double ImpulseSize() const;
   double AddGap(double inverse_mass, double gap2, double rounding);
   double AddGap(PointRows& point, double gap2);
   void SetPairCompliance(PairRows& pair, double max_relative_regularization);

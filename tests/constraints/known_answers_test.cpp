@@ -48,6 +48,48 @@ TEST(Contact, MassRatioOfAMillion) {
   EXPECT_NEAR(p.contacts[0].impulse[0], (1e3 + 1e-3) * kGravity * kStep, 1e-4 * 163);
 }
 
+// Two springs of the material, since nothing moves the plate, whatever the ball bore before.
+TEST(Contact, DrivenPlatePressesOnBall_ImpulseOfTheMaterial) {
+  constexpr double kMass = 0.03, kSpeed = 0.15, kDepth = 1e-3, kCompliance = 0.01;  // kg, m/s, m/s, 1/kg
+  for (const double previous : {0.0, 1.0, 1e4}) {
+    Problem p;
+    p.W = {RigidBodyW(kMass, 0.4 * kMass * 1e-4), MatrixX::Zero(6, 6)};
+    p.Finish();
+    p.contacts = {TouchAt(-1, Vector3::Zero(), 0, Vector3(0, 0, -0.01), Vector3::UnitZ(), 0.5),
+                  TouchAt(0, Vector3(0, 0, 0.01), 6, Vector3(0, 0, -0.1), Vector3::UnitZ(), 0.5)};
+    for (ContactConstraint& c : p.contacts) {
+      c.compliance_normal = c.compliance_tangent = kCompliance;
+      c.max_penetration_speed = kDepth;
+      c.previous_impulse[0] = c.impulse[0] = previous;
+    }
+    p.velocity[11] = -kSpeed;
+    const ContactSolverReport report = SolveProblem(p);
+    EXPECT_TRUE(report.converged);
+    EXPECT_EQ(report.fallback, 0);
+    const double ball = kSpeed / (2 + kMass * kCompliance);
+    EXPECT_NEAR(p.contacts[0].impulse[0], ball / kCompliance, 1e-9 * kSpeed / kCompliance) << previous;
+    EXPECT_NEAR(p.contacts[1].impulse[0], (kSpeed - ball) / kCompliance, 1e-9 * kSpeed / kCompliance)
+        << previous;
+  }
+}
+
+// What is heavy and not driven is held up to twice the depth.
+TEST(Contact, HeavyPressesOnLight_NoDeeperThanTwiceTheDepth) {
+  constexpr double kDepth = 1e-3;
+  for (const double ratio : {1e2, 1e4, 1e5})
+    for (const double speed : {0.005, 0.15, 3.0}) {
+      Problem p = HeavyOnLight(0.01, 0.01 * ratio);
+      for (ContactConstraint& c : p.contacts) {
+        c.compliance_normal = c.compliance_tangent = 0.01;
+        c.max_penetration_speed = kDepth;
+      }
+      p.velocity[5] = 0;
+      p.velocity[11] = -speed;
+      EXPECT_TRUE(SolveProblem(p).converged);
+      EXPECT_GT(p.velocity[11], -4.001 * kDepth) << ratio << ", " << speed;  // of two contacts
+    }
+}
+
 TEST(Contact, BoxSticksBelowTheCone) {
   const double mass = 2, mu = 0.5;
   Problem p = BoxOnPlane(mass, mu);
