@@ -15,11 +15,13 @@ using Triangle = std::array<Vector3, 3>;
 // A point of a triangle, and how far the centre is from it: negative under the face.
 struct Nearest {
   Triangle triangle;
+  Vector3 up;             // of the triangle
   Vector3 point, normal;  // of the contact
   double distance = 0;
 };
 
-Vector3 Up(const Triangle& t) { return (t[1] - t[0]).cross(t[2] - t[0]).normalized(); }
+Vector3 AreaNormal(const Triangle& t) { return (t[1] - t[0]).cross(t[2] - t[0]); }
+Vector3 Up(const Triangle& t) { return AreaNormal(t).normalized(); }
 
 Vector3 OnSegment(const Vector3& a, const Vector3& b, const Vector3& c) {
   const Vector3 d = b - a;
@@ -45,6 +47,16 @@ Vector3 ClosestPoint(const Triangle& t, const Vector3& n, const Vector3& c) {
 }
 
 Vector3 ClosestPoint(const Triangle& t, const Vector3& c) { return ClosestPoint(t, Up(t), c); }
+
+// Whether a triangle of the normal n has the point p.
+bool IsOn(const Triangle& t, const Vector3& n, const Vector3& p, double tolerance) {
+  if (std::abs(n.dot(p - t[0])) > tolerance) return false;
+  for (int axis : {0, 1}) {
+    const auto [low, high] = std::minmax({t[0][axis], t[1][axis], t[2][axis]});
+    if (p[axis] < low - tolerance || p[axis] > high + tolerance) return false;
+  }
+  return (ClosestPoint(t, n, p) - p).norm() <= tolerance;
+}
 
 // The upper surface of MuJoCo's field, in its own frame: two triangles a cell, along the diagonal that
 // MuJoCo's prisms have.
@@ -128,19 +140,21 @@ bool MakeValley(const Triangle& a, const Triangle& b) {
 class NearestFaces {
  public:
   void Add(const Nearest& item) {
-    int at = count_;
-    while (at > 0 && items_[static_cast<std::size_t>(at - 1)].distance > item.distance) --at;
-    if (at == kMost) return;
-    count_ = std::min(count_ + 1, kMost);
-    for (int i = count_ - 1; i > at; --i)
-      items_[static_cast<std::size_t>(i)] = items_[static_cast<std::size_t>(i - 1)];
-    items_[static_cast<std::size_t>(at)] = item;
+    auto at = order_.begin() + count_;
+    while (at != order_.begin() && items_[*std::prev(at)].distance > item.distance) --at;
+    if (at == order_.end()) return;
+    // In the place of the farthest, where all are taken.
+    const std::size_t place = count_ < kMost ? static_cast<std::size_t>(count_++) : order_.back();
+    std::move_backward(at, order_.begin() + count_ - 1, order_.begin() + count_);
+    *at = place;
+    items_[place] = item;
   }
   int size() const { return count_; }
-  const Nearest& operator[](int i) const { return items_[static_cast<std::size_t>(i)]; }
+  const Nearest& operator[](int i) const { return items_[order_[static_cast<std::size_t>(i)]]; }
 
  private:
   std::array<Nearest, kMost> items_;
+  std::array<std::size_t, kMost> order_;  // places of items, the nearest first
   int count_ = 0;
 };
 
@@ -174,9 +188,12 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
       if (c.z() > highest && grid.DistanceFromCell(row, column, highest, c) > within) continue;
       for (int which : {0, 1}) {
         const Triangle face = grid.Face(row, column, which);
-        const Vector3 up = Up(face);
+        const Vector3 n = AreaNormal(face);
+        // No point of the face is nearer than its plane.
+        if (const double along = n.dot(c - face[0]); along > 0 && along * along > within * within * n.squaredNorm())
+          continue;
+        const Vector3 up = n.normalized();
         const double height = up.dot(c - face[0]);
-        if (height > reach) continue;  // no point of the face is nearer than its plane
         const Vector3 p = ClosestPoint(face, up, c);
         const double distance = (c - p).norm();
         const bool inside = distance <= std::abs(height) * (1 + 1e-9) + 1e-15;
@@ -186,11 +203,11 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
           const Vector3 c_flat(c.x(), c.y(), 0);
           if ((ClosestPoint(flat, c_flat) - c_flat).norm() <= 1e-12 * grid.half.norm()) {
             is_under = true;
-            right_above = {face, c - height * up, up, -height};
+            right_above = {face, up, c - height * up, up, -height};
           }
-          if (inside) below.Add({face, p, up, distance});
+          if (inside) below.Add({face, up, p, up, distance});
         } else if (distance < reach) {
-          above.Add({face, p, inside ? up : Vector3((c - p) / distance), distance});
+          above.Add({face, up, p, inside ? up : Vector3((c - p) / distance), distance});
         }
       }
     }
@@ -207,7 +224,7 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
   // What is about the bottom of a valley is held by both sides, also where only one is straight above or
   // below.
   auto report_valley = [&](const Nearest& nearest, double height_of_nearest) {
-    const Vector3 ground = ClosestPoint(nearest.triangle, nearest.point);
+    const Vector3 ground = ClosestPoint(nearest.triangle, nearest.up, nearest.point);
     for (int row = row_from; row <= row_to; ++row)
       for (int column = column_from; column <= column_to; ++column)
         for (int which : {0, 1}) {
@@ -221,7 +238,7 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
           const Vector3 foot = c - height * up;
           const double beside = (ClosestPoint(face, foot) - foot).norm();
           if (height < 0 || (beside > 0 && beside <= std::min(height_of_nearest, kNear) + kNear))
-            report({face, foot, up, 0}, height - radius);
+            report({face, up, foot, up, 0}, height - radius);
         }
   };
   if (is_under) {
@@ -235,7 +252,7 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
   for (int i = 0; i < above.size(); ++i) {
     bool is_least = true;
     for (int k = 0; k < i && is_least; ++k)
-      is_least = (ClosestPoint(above[k].triangle, above[i].point) - above[i].point).norm() > same;
+      is_least = !IsOn(above[k].triangle, above[k].up, above[i].point, same);
     if (is_least) report(above[i], above[i].distance - radius);
   }
   if (radius == 0 && above.size() > 0) report_valley(above[0], above[0].distance);
