@@ -178,15 +178,15 @@ double PairSearch::MarginOf(int a, int b, const ContactPairDef* pair) const {
 }
 
 // By the sphere about each; of a plane all that is on its side.
-bool PairSearch::IsNear(int a, int b, double margin) const {
+bool PairSearch::IsNear(int a, int b, double distance) const {
   const Eigen::Map<const Vector3> p_a = poses_.p(a), p_b = poses_.p(b);
   if (model_.geom_type[a] == mjGEOM_PLANE)
-    return !(poses_.R(a).col(2).dot(p_b - p_a) > margin + model_.geom_rbound[b]);
-  const double reach = model_.geom_rbound[a] + model_.geom_rbound[b] + margin;
+    return !(poses_.R(a).col(2).dot(p_b - p_a) > distance + model_.geom_rbound[b]);
+  const double reach = model_.geom_rbound[a] + model_.geom_rbound[b] + distance;
   return !((p_b - p_a).squaredNorm() > reach * reach);
 }
 
-bool PairSearch::MayTouch(int a, int b, double margin) const {
+bool PairSearch::MayTouch(int a, int b, const CollisionMargins& margins) const {
   const int body_a = geoms_[static_cast<std::size_t>(a)].body,
             body_b = geoms_[static_cast<std::size_t>(b)].body;
   if (body_a == body_b) return false;
@@ -194,24 +194,24 @@ bool PairSearch::MayTouch(int a, int b, double margin) const {
   if (pair == nullptr && !(model_.geom_contype[a] & model_.geom_conaffinity[b]) &&
       !(model_.geom_contype[b] & model_.geom_conaffinity[a]))
     return false;
-  if (!IsNear(a, b, margin + MarginOf(a, b, pair))) return false;
+  if (!IsNear(a, b, margins.Of(body_a, body_b) + MarginOf(a, b, pair))) return false;
   if (pair != nullptr) return true;
   return excluded_.empty() || !std::binary_search(excluded_.begin(), excluded_.end(),
                                                   std::pair<int, int>(std::minmax(body_a, body_b)));
 }
 
-void PairSearch::AddPair(int a, int b, double margin, std::vector<Pair>& pairs) const {
+void PairSearch::AddPair(int a, int b, const CollisionMargins& margins, std::vector<Pair>& pairs) const {
   const int body_a = model_.geom_bodyid[a], body_b = model_.geom_bodyid[b];
   // As MuJoCo would come to them: bodies in their order, and in its table the simpler shape first.
   if (model_.geom_type[a] > model_.geom_type[b] ||
       (model_.geom_type[a] == model_.geom_type[b] && body_b < body_a))
     std::swap(a, b);
-  if (!mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]] || !MayTouch(a, b, margin)) return;
+  if (!mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]] || !MayTouch(a, b, margins)) return;
   pairs.push_back({std::min(body_a, body_b), std::max(body_a, body_b), a, b});
 }
 
-void PairSearch::FindPairs(double margin) {
-  sweep_.Sort(boxes_, margin);
+void PairSearch::FindPairs(const CollisionMargins& margins) {
+  sweep_.Sort(boxes_, margins.most);
   const int ranges = NumRanges(movers_.size(), kMoversPerRange);
   const auto geom = [](const std::vector<int>& of, int item) { return of[static_cast<std::size_t>(item)]; };
   ForRanges(ranges, [&](int k) {
@@ -222,10 +222,10 @@ void PairSearch::FindPairs(double margin) {
     };
     sweep_.Find(
         place(k), place(k + 1),
-        [&](int i, int j) { AddPair(geom(movers_, i), geom(movers_, j), margin, pairs); },
-        [&](int i, int s) { AddPair(geom(movers_, i), geom(still_, s), margin, pairs); });
+        [&](int i, int j) { AddPair(geom(movers_, i), geom(movers_, j), margins, pairs); },
+        [&](int i, int s) { AddPair(geom(movers_, i), geom(still_, s), margins, pairs); });
     for (std::size_t i = place(k); i < place(k + 1); ++i)
-      for (const int plane : planes_) AddPair(plane, movers_[i], margin, pairs);
+      for (const int plane : planes_) AddPair(plane, movers_[i], margins, pairs);
   });
 }
 
@@ -247,11 +247,13 @@ void PairSearch::SortIn() {
   first_pair_.front() = 0;
 }
 
-void PairSearch::Collide(const Pair& pair, double margin, PairScratch& scratch,
+void PairSearch::Collide(const Pair& pair, const CollisionMargins& margins, PairScratch& scratch,
                          std::vector<ContactPoint>& contacts) const {
   const int a = pair.geom_a, b = pair.geom_b;
   const ContactPairDef* own = PairOf(a, b);
   const double at = MarginOf(a, b, own);
+  const double margin =
+      margins.Of(geoms_[static_cast<std::size_t>(a)].body, geoms_[static_cast<std::size_t>(b)].body);
   std::array<mjPreContact, mjMAXCONPAIR> found;
   const int count = mjCOLLISIONFUNC[model_.geom_type[a]][model_.geom_type[b]](
       &scratch.model, &scratch.data, found.data(), a, b, margin + at);
@@ -275,28 +277,30 @@ void PairSearch::Collide(const Pair& pair, double margin, PairScratch& scratch,
   }
 }
 
-bool PairSearch::DetectNamed(double margin, std::vector<ContactPoint>& contacts) {
+bool PairSearch::DetectNamed(const CollisionMargins& margins, std::vector<ContactPoint>& contacts) {
   Borrow(1);
   PairScratch& scratch = *borrowed_.front();
   try {
     for (const Pair& pair : named_)
       if (IsNear(pair.geom_a, pair.geom_b,
-                 margin + MarginOf(pair.geom_a, pair.geom_b, PairOf(pair.geom_a, pair.geom_b))))
-        Collide(pair, margin, scratch, contacts);
+                 margins.Of(geoms_[static_cast<std::size_t>(pair.geom_a)].body,
+                            geoms_[static_cast<std::size_t>(pair.geom_b)].body) +
+                     MarginOf(pair.geom_a, pair.geom_b, PairOf(pair.geom_a, pair.geom_b))))
+        Collide(pair, margins, scratch, contacts);
   } catch (...) {
     return false;
   }
   return contacts.size() <= most_contacts_;
 }
 
-bool PairSearch::Detect(double margin, std::vector<ContactPoint>& contacts) {
+bool PairSearch::Detect(const CollisionMargins& margins, std::vector<ContactPoint>& contacts) {
   const ScratchPool<PairScratch>::ReturnAll at_end(borrowed_);
-  return model_.npair > 0 ? DetectNamed(margin, contacts) : DetectNear(margin, contacts);
+  return model_.npair > 0 ? DetectNamed(margins, contacts) : DetectNear(margins, contacts);
 }
 
-bool PairSearch::DetectNear(double margin, std::vector<ContactPoint>& contacts) {
+bool PairSearch::DetectNear(const CollisionMargins& margins, std::vector<ContactPoint>& contacts) {
   Borrow(NumRanges(movers_.size(), kMoversPerRange));
-  FindPairs(margin);
+  FindPairs(margins);
   SortIn();
   const int ranges = NumRanges(pairs_.size(), kPairsPerRange);
   Borrow(ranges);
@@ -314,7 +318,7 @@ bool PairSearch::DetectNear(double margin, std::vector<ContactPoint>& contacts) 
       return x.body_a < y.body_a || (x.body_a == y.body_a && x < y);
     });
     try {
-      for (auto pair = begin; pair != end; ++pair) Collide(*pair, margin, scratch, scratch.contacts);
+      for (auto pair = begin; pair != end; ++pair) Collide(*pair, margins, scratch, scratch.contacts);
     } catch (...) {
       scratch.failed = true;
     }

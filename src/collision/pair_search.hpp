@@ -62,7 +62,7 @@ class PairSearch {
   /// Adds to `contacts`, which are none yet, as CollisionWorld::Detect. Pairs come in the order of their
   /// bodies, then of their geoms, whatever the number of threads. false: there were more contacts than a
   /// detector is asked for, or MuJoCo failed.
-  bool Detect(double margin, std::vector<ContactPoint>& contacts);
+  bool Detect(const CollisionMargins& margins, std::vector<ContactPoint>& contacts);
 
  private:
   friend struct PairScratch;
@@ -74,14 +74,14 @@ class PairSearch {
   AxisBox BoxOf(int geom) const;
   const ContactPairDef* PairOf(int a, int b) const;
   double MarginOf(int a, int b, const ContactPairDef* pair) const;
-  bool IsNear(int a, int b, double margin) const;
-  bool MayTouch(int a, int b, double margin) const;
-  bool DetectNamed(double margin, std::vector<ContactPoint>& contacts);
-  void AddPair(int a, int b, double margin, std::vector<Pair>& pairs) const;
-  bool DetectNear(double margin, std::vector<ContactPoint>& contacts);
-  void FindPairs(double margin);
+  bool IsNear(int a, int b, double distance) const;
+  bool MayTouch(int a, int b, const CollisionMargins& margins) const;
+  bool DetectNamed(const CollisionMargins& margins, std::vector<ContactPoint>& contacts);
+  void AddPair(int a, int b, const CollisionMargins& margins, std::vector<Pair>& pairs) const;
+  bool DetectNear(const CollisionMargins& margins, std::vector<ContactPoint>& contacts);
+  void FindPairs(const CollisionMargins& margins);
   void SortIn();
-  void Collide(const Pair& pair, double margin, PairScratch& scratch,
+  void Collide(const Pair& pair, const CollisionMargins& margins, PairScratch& scratch,
                std::vector<ContactPoint>& contacts) const;
   void Borrow(int count);
 

@@ -190,7 +190,8 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
         const Triangle face = grid.Face(row, column, which);
         const Vector3 n = AreaNormal(face);
         // No point of the face is nearer than its plane.
-        if (const double along = n.dot(c - face[0]); along > 0 && along * along > within * within * n.squaredNorm())
+        if (const double along = n.dot(c - face[0]);
+            along > 0 && along * along > within * within * n.squaredNorm())
           continue;
         const Vector3 up = n.normalized();
         const double height = up.dot(c - face[0]);

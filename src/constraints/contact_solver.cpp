@@ -57,6 +57,9 @@ void ContactSolver::Workspace::StoreImpulses(std::vector<ContactConstraint>& con
     contact.moment = rows.points[i].moment.cwiseProduct(rows.points[i].scale);
     contact.utilization = rows.points[i].utilization;
   }
+  for (const internal::PairRows& pair : rows.pairs)
+    for (int i = pair.first; i < pair.first + pair.count; ++i)
+      contacts[static_cast<std::size_t>(rows.place(static_cast<std::size_t>(i)))].gives_way = pair.gives_way;
   for (std::size_t i = 0; i < limits.size(); ++i) limits[i].impulse = rows.limits[i].impulse;
 }
 
@@ -104,6 +107,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     work.is_taken[i] = !contacts[i].IsDeferred();
     contacts[i].utilization = 0;
+    contacts[i].gives_way = false;
   }
   if (work.start.size() < velocities.size()) work.start.resize(velocities.size());
   work.start.head(velocities.size()) = velocities;

@@ -139,7 +139,7 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
 void RegularizedContactProblem::SetPairCompliance(PairRows& pair, double max_relative_regularization) {
   pair.material_R_n = pair.material_R_t = pair.R_n = pair.R_t = std::numeric_limits<double>::infinity();
   pair.least_R = pair.before_R_n = pair.before_given = 0;
-  pair.yields_to_no_force = false;
+  pair.gives_way = false;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
     if (!point.compliance.is_moved) continue;
@@ -189,7 +189,7 @@ bool RegularizedContactProblem::DecreaseRegularization() {
   constexpr double kDriven = 1e-6;
   bool any = false;
   for (PairRows& pair : pairs) {
-    if (pair.yields_to_no_force) continue;
+    if (pair.gives_way) continue;
     double share = 1, given_most = 0, inverse_mass = 0;
     for (int i = pair.first; i < pair.first + pair.count; ++i) {
       const PointRows& point = points[static_cast<std::size_t>(i)];
@@ -203,7 +203,7 @@ bool RegularizedContactProblem::DecreaseRegularization() {
     if (pair.before_given > 0 &&
         pair.before_given - given_most <
             kDriven * inverse_mass * (given_most / pair.R_n - pair.before_given / pair.before_R_n)) {
-      pair.yields_to_no_force = true;
+      pair.gives_way = true;
       pair.R_n = pair.material_R_n;
       pair.R_t = pair.material_R_t;
     } else {

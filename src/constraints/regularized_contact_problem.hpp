@@ -125,7 +125,7 @@ struct PairRows {
   double material_R_n = 0, material_R_t = 0;  // before any load makes it stiffer
   // When this solve last made it stiffer: R_n, and what the point that gave most gave [m/s]; 0: it did not.
   double before_R_n = 0, before_given = 0;
-  bool yields_to_no_force = false;  // what presses it
+  bool gives_way = false;  // as ContactConstraint
 };
 
 struct LimitRows {

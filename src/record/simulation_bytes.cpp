@@ -150,11 +150,11 @@ void Fields(A& a, Like<ContactPoint, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ContactRecord, A>& s) {
-  auto& [point, impulse, normal_sum, tangential_sum, pull, friction, moment, use, end_force, end_moment,
-         end_speed] = s;
+  auto& [point, impulse, normal_sum, tangential_sum, pull, friction, moment, use, gives_way, end_force,
+         end_moment, end_speed] = s;
   a("point", point), a("impulse", impulse), a("normal_sum", normal_sum), a("tangential_sum", tangential_sum);
   a("friction", friction), a("moment", moment), a("use", use), a("end_force", end_force);
-  a("end_moment", end_moment), a("end_speed", end_speed), a("pull", pull);
+  a("end_moment", end_moment), a("end_speed", end_speed), a("pull", pull), a("gives_way", gives_way);
 }
 
 template <class A>

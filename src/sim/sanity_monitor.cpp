@@ -162,6 +162,7 @@ void SanityMonitor::UpdatePairs(const Simulation& simulation) {
     const double sign = c.point.body_a == key.first ? 1 : -1;
     pair.force_W += sign / simulation.dt() * (c.point.frame.transpose() * c.impulse);
     pair.depth = std::max(pair.depth, -c.point.gap);
+    pair.gives_way = pair.gives_way || c.gives_way;
   }
   for (auto& [key, pair] : pairs) {
     const auto before = pairs_.find(key);
@@ -221,8 +222,19 @@ void SanityMonitor::CheckSinking(const Simulation& simulation) {
 void SanityMonitor::CheckForces(const Simulation& simulation, const Seen& seen) {
   BodyPair strongest;
   double most = 0;
-  for (const auto& [key, pair] : pairs_)
-    if (const double force = pair.force_W.norm(); force > most) most = force, strongest = key;
+  for (const auto& [key, pair] : pairs_) {
+    const double force = pair.force_W.norm();
+    if (force > most) most = force, strongest = key;
+    if (pair.gives_way)
+      Note(kForce, 2 + force, [&] {
+        return Print("at %.4g s ", simulation.time(), 0, 0) + NameOf(simulation, key.first) + " and " +
+               NameOf(simulation, key.second) +
+               Print(
+                   " are wedged: no force keeps them apart, and their contact gives way under %.3g N; place them apart "
+                   "at the start, exclude the pair, or press by a servo with a bound instead of a driven base",
+                   force, 0, 0);
+      });
+  }
   const auto names = [&] {
     return NameOf(simulation, strongest.first) + " and " + NameOf(simulation, strongest.second);
   };

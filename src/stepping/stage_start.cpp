@@ -9,7 +9,7 @@ void RecordStageStart(const StepContext& ctx, bool of_step) {
   ws.stage_start.x = of_step ? ws.start.x : ws.x;
   ws.stage_start.z = state.reduced.z;
   ws.stage_start.X_WR = state.reduced.X_WR;
-  ws.stage_start.time = ws.stage.time;
+  ws.stage_start.time = of_step ? 0 : ws.stage.time;
   if (model.base_size > 0)
     ws.stage_start.center_W =
         state.reduced.X_WR * CenterOfParts(model.rigid_parts, ws.configuration.kinematics);

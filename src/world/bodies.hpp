@@ -30,6 +30,11 @@ struct Bodies {
     ForAll(mechanisms.size(), mechanism_grain, act);
   }
 
+  /// That a collision body is of; null: of none.
+  const MechanismDynamics* MechanismOf(const CollisionBody& body) const {
+    return body.kind == CollisionBody::Kind::kGroup ? &mechanisms[static_cast<std::size_t>(body.index)]
+                                                    : nullptr;
+  }
   RigidTransform PoseOf(const CollisionBody& collision_body) const {  // but of the world's
     const auto i = static_cast<std::size_t>(collision_body.index);
     return collision_body.kind == CollisionBody::Kind::kGroup ? GroupPose(mechanisms[i], collision_body.group)

@@ -88,8 +88,7 @@ bool MayHavePassed(const ImpactView& at) {
   const Detection& d = at.detection;
   for (std::size_t i = 0; i < d.points.size(); ++i) {
     const ContactPoint& p = d.points[i];
-    const double motion =
-        d.motion[static_cast<std::size_t>(p.body_a)] + d.motion[static_cast<std::size_t>(p.body_b)];
+    const double motion = d.PairMotion(p.body_a, p.body_b);
     if (p.gap < motion && !at.CarriedLoad(i) && motion > 0.5 * d.shapes.InnerPairSize(p)) return true;
   }
   return false;

@@ -17,7 +17,7 @@ namespace fork1s {
 // moved.
 bool World::Detail::MayHavePassed() {
   if (!fork1s::MayHavePassed(Impacts())) return false;
-  detection_.least_margin = std::max(detection_.least_margin, 2 * detection_.LargestPairMotion());
+  detection_.WidenToMotion();
   return true;
 }
 

@@ -149,7 +149,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     bodies_.free_bodies[i].SetInputsWithin(halving_.before.free_bodies[i], 0, share);
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
-  detection_.least_margin = 0;
+  detection_.ForgetMotion();
   stage_.all_stops = stage_.rows_from_start = false;
   StartStops(history_.TimeStepRatio(stage.h), stops_);
   StageResidual last;
@@ -195,7 +195,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     const bool from_start = stage_.rows_from_start;
     stage_.rows_from_start = !CoversMotion();
     if (stage_.rows_from_start) {
-      if (iteration == max_iterations || !std::isfinite(detection_.least_margin)) break;
+      if (iteration == max_iterations || !detection_.IsWidthFinite()) break;
       continue;
     }
     const bool stagnates = iteration > 1 && !(found.ratio < last.ratio),
@@ -265,6 +265,7 @@ void World::Detail::RecordContacts(double h) {
     contacts_[i].friction = c.friction;
     contacts_[i].moment = c.moment;
     contacts_[i].utilization = c.utilization;
+    contacts_[i].gives_way = c.gives_way;
     contacts_[i].end_force = c.impulse / h;
     contacts_[i].end_moment = c.moment / h;
     contacts_[i].end_speed = RelativeSpeed(c, rows_.velocities)(0);

@@ -85,9 +85,9 @@ class Hash {
     Add(adhesion_gap);
   }
   void One(const ContactRecord& record) {
-    const auto& [point, impulse, normal_sum, tangential_sum, pull, friction, moment, use, end_force,
-                 end_moment, end_speed] = record;
-    // Sums of magnitudes and pulls are for reports: no step starts from them.
+    const auto& [point, impulse, normal_sum, tangential_sum, pull, friction, moment, use, gives_way,
+                 end_force, end_moment, end_speed] = record;
+    // Sums of magnitudes, pulls and what gives way are for reports: no step starts from them.
     Add(point, impulse, friction, moment, use, end_force, end_moment, end_speed);
   }
   void One(const WorldState::Rows& rows) {

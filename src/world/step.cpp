@@ -116,7 +116,7 @@ void World::Detail::BeginStep(double h) {
   if (halving_.depth == 0) step_start_ = &halving_.before;
   history_.Store(contacts_, contacts_h_, detection_.poses);
   contacts_h_ = h;
-  detection_.least_margin = 0;
+  detection_.ForgetMotion();
   stage_.within = stage_.all_stops = stage_.rows_from_start = false;
 }
 

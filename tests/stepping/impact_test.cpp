@@ -21,7 +21,8 @@ struct OneContact {
     point.body_a = point.geometry_a = point.geometry_b = 0;
     point.body_b = 1;
     detection.points = {point};
-    detection.motion = {0, 0};
+    detection.motion.Reset(2);
+    detection.margins.group = {0, -1};
     history.match = {-1};
     rows.contacts.resize(1);
     rows.contacts[0].port_b = 0;
@@ -125,7 +126,7 @@ TEST(Impact, WhatWasStoppedPartsAgainByAShareOfItsSizeASecond) {
 TEST(Impact, MotionByMoreThanHalfOfTheInnerRadiiMayHavePassedTheOther) {
   OneContact c;
   for (const double motion : {1.49, 1.51}) {  // of 3 m
-    c.detection.motion = {0, motion};
+    c.detection.motion.in_world[1] = motion;
     EXPECT_EQ(MayHavePassed(c.At()), motion > 1.5) << motion;
   }
 }

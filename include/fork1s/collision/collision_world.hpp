@@ -1,6 +1,7 @@
 // Contact points between shapes, by MuJoCo's collision detection.
 #pragma once
 
+#include <algorithm>
 #include <fork1s/base/error.hpp>
 #include <fork1s/mechanism/definition.hpp>
 #include <memory>
@@ -39,6 +40,21 @@ struct CollisionOptions {
       true;  // where flat convex shapes rest on each other: all corners of the overlap, else one point
 };
 
+/// Gaps [m] from which on two bodies are in contact: what both may move, at most `most`.
+struct CollisionMargins {
+  double most = 0;
+  std::vector<double> reach;         // by body; empty: `most` for all
+  std::vector<double> reach_within;  // the same towards bodies of the same group, which move along
+  std::vector<int> group;            // by body; -1: of none
+
+  double Of(int body_a, int body_b) const {
+    if (reach.empty()) return most;
+    const auto a = static_cast<std::size_t>(body_a), b = static_cast<std::size_t>(body_b);
+    const std::vector<double>& moves = group[a] >= 0 && group[a] == group[b] ? reach_within : reach;
+    return std::min(most, moves[a] + moves[b]);
+  }
+};
+
 /// Bodies are numbered in the order given. Bodies that do not move never touch each other.
 class CollisionWorld {
  public:
@@ -57,6 +73,7 @@ class CollisionWorld {
   /// Gap [m] from which on Detect reports contacts; a larger one costs narrow-phase tests of pairs that only
   /// pass by.
   void SetMargin(double margin);
+  void SetMargins(const CollisionMargins& margins);
   /// Finds the contacts at the present poses. Replaces the content of `contacts`; does not allocate once
   /// `contacts` has capacity. Returns false when the detector dropped contacts for want of room.
   bool Detect(std::vector<ContactPoint>& contacts);

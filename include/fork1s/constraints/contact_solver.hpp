@@ -49,11 +49,15 @@ struct ContactConstraint {
   /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports have
   /// the compliance of the stiffest of them. Along a tangent with a smaller a_k R_t is larger by (max a/a_k)².
   double compliance_normal = 0, compliance_tangent = 0;
-  /// Upper bound of R_n λ_n [m/s]: under larger impulses R_n decreases to max_penetration_speed/λ_n.
+  /// Upper bound of R_n λ_n [m/s]: under larger impulses R_n decreases to max_penetration_speed/λ_n, unless the contact
+  /// gives way.
   double max_penetration_speed = std::numeric_limits<double>::infinity();
   Vector3 previous_impulse = Vector3::Zero();  // λ₀, in this frame
   double previous_utilization = 0;             // of the last step
   double utilization = 0;                      // out: |y| as a share of µ λ_n: above 1 it slides
+  /// Out: no force keeps it from closing, since what presses on it is driven or cannot part; it bears what its material
+  /// gives.
+  bool gives_way = false;
   Vector3 previous_moment = Vector3::Zero();
   bool may_be_deferred =
       false;  // it is likely to stay open, and takes part only where the others alone would close it

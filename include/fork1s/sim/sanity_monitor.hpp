@@ -46,6 +46,7 @@ class SanityMonitor {
     double depth = 0;                   // m, of the deepest point
     double overlap = 0;                 // m, of the start, where they have not parted since
     std::optional<double> sunk_since;   // s
+    bool gives_way = false;
   };
   template <class Sentence>
   void Note(Kind kind, double times, const Sentence& sentence);

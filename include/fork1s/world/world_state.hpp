@@ -23,6 +23,7 @@ struct ContactRecord {
   double friction = 0;               // of the step as solved; that of `point` is of the shapes
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
   double utilization = 0;            // of the cone, above 1 where it slides
+  bool gives_way = false;            // as ContactConstraint::gives_way, in the last stage
   // At the end of the step, from which the tangential springs of the next one start; `impulse` is the whole step's.
   Vector3 end_force = Vector3::Zero();   // N
   Vector3 end_moment = Vector3::Zero();  // N·m
