@@ -1,8 +1,10 @@
 """How much memory a Batch of hands takes: at birth, and after resets of all members.
 
     python benchmarks/python_batch_memory.py [SCENE] [--count 1024] > benchmarks/results/python_batch_memory.csv
+    python benchmarks/python_batch_memory.py --draw >> benchmarks/results/python_batch_memory.csv
 
-Needs the package installed (tools/wheel.sh). Resident memory of the process less what it had with the model loaded, in
+--draw: every member has factors of stiffness, friction and mass of its own, others at every reset. Needs the package
+installed (tools/wheel.sh). Resident memory of the process less what it had with the model loaded, in
 megabytes.
 """
 
@@ -19,6 +21,7 @@ parser.add_argument(
 )
 parser.add_argument("--count", type=int, default=1024)
 parser.add_argument("--resets", type=int, nargs="*", default=[1, 15, 100, 1000])
+parser.add_argument("--draw", action="store_true")
 arguments = parser.parse_args()
 
 
@@ -29,12 +32,14 @@ def resident_mb() -> float:
 
 model = fork1s.load(arguments.scene)
 start = resident_mb()
-batch = fork1s.Batch(model, arguments.count, seeds=7)
-rows = csv.writer(sys.stdout)
-rows.writerow(["members", "resets", "resident_mb"])
-rows.writerow([arguments.count, 0, round(resident_mb() - start, 1)])
+batch = fork1s.Batch(model, arguments.count, **({"seeds": 7} if arguments.draw else {}))
+rows = csv.writer(sys.stdout, lineterminator="\n")
+drawn = "drawn" if arguments.draw else "none"
+if not arguments.draw:
+    rows.writerow(["members", "factors", "resets", "resident_mb"])
+rows.writerow([arguments.count, drawn, 0, round(resident_mb() - start, 1)])
 for reset in range(1, max(arguments.resets) + 1):
     batch.reset()
     if reset in arguments.resets:
-        rows.writerow([arguments.count, reset, round(resident_mb() - start, 1)])
+        rows.writerow([arguments.count, drawn, reset, round(resident_mb() - start, 1)])
         sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""Processor time of a simulated second, and memory of a simulation, scene by scene. CSV.
+"""Processor time of a simulated second, scene by scene. CSV.
 
     python benchmarks/simulated_second.py > docs/scale/simulated_second.csv
 
@@ -6,7 +6,6 @@ Steps of 1/60 s of a Batch on one thread, medians of 9; processor time, which ot
 does the clock. docs/scale.md reads it.
 """
 
-import os
 import statistics
 import sys
 import time
@@ -20,17 +19,9 @@ SCENES = Path(__file__).resolve().parents[1] / "scenes"
 CASES = {"fourbar_gripper": 0.4, "hand": None, "quadruped": 0.0, "hexapod_terrain": None, "vehicle": None}
 
 
-def resident():
-    with open("/proc/self/statm", encoding="ascii") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
 def measure(name, setpoint, count=32):
     model = fork1s.load(SCENES / f"{name}.xml")
-    fork1s.Batch(model, 1, threads=1).step(steps=2)
-    before = resident()
     batch = fork1s.Batch(model, count, dt=1 / 60, threads=1)
-    memory = (resident() - before) / count
     controls = None if setpoint is None else np.full((count, len(batch.controls)), setpoint)
     batch.step(controls, steps=60)
     spent = []
@@ -40,12 +31,12 @@ def measure(name, setpoint, count=32):
         spent.append((time.process_time() - start) / (20 * count) * 60)
     seconds = statistics.median(spent)
     print(
-        f"{name},{1e6 * seconds / 60:.1f},{seconds:.6f},{1e6 * seconds / 3600:.2f},{memory / 1e6:.2f}",
+        f"{name},{1e6 * seconds / 60:.1f},{seconds:.6f},{1e6 * seconds / 3600:.2f}",
         flush=True,
     )
 
 
 if __name__ == "__main__":
-    print("scene,us_a_step,cpu_s_per_simulated_s,cpu_h_per_million_simulated_s,MB_a_simulation")
+    print("scene,us_a_step,cpu_s_per_simulated_s,cpu_h_per_million_simulated_s")
     for case in sys.argv[1:] or CASES:
         measure(case, CASES.get(case))
