@@ -339,3 +339,15 @@ def test_wrong_rewards_are_told_with_the_task():
         many.reset(seed=1)
         with pytest.raises(fork1s.UsageError, match=what):
             many.step(np.zeros((2, 1)))
+
+
+def test_integrator_is_that_of_the_batch():
+    seen = {}
+    for integrator in (None, "two-stage", "euler"):
+        env = learn.Environment(Hold, model=LEVER, integrator=integrator, randomise=False)
+        env.reset(seed=1)
+        seen[integrator] = np.array([env.step(np.ones(1))[0] for _ in range(10)])
+    assert_array_equal(seen[None], seen["two-stage"])
+    assert (seen["euler"] != seen["two-stage"]).any()
+    with pytest.raises(fork1s.UsageError, match="verlet"):
+        learn.Environment(Hold, model=LEVER, integrator="verlet")
