@@ -178,14 +178,19 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
   const auto [column_from, column_to] =
       Grid::Cells(c.x() - reach, c.x() + reach, grid.half.x(), grid.columns);
   const auto [row_from, row_to] = Grid::Cells(c.y() - reach, c.y() + reach, grid.half.y(), grid.rows);
-  const double within = std::min(reach, DistanceOfNearestFaces(grid, c));
+  // Of few cells it costs more to tell which are near than to look at all.
+  constexpr int kFewCells = 16;
+  const bool are_many = (row_to - row_from + 1) * (column_to - column_from + 1) > kFewCells;
+  const double within = are_many ? std::min(reach, DistanceOfNearestFaces(grid, c)) : reach;
   NearestFaces above, below;
   Nearest right_above;
   bool is_under = false;
   for (int row = row_from; row <= row_to; ++row)
     for (int column = column_from; column <= column_to; ++column) {
       const double highest = grid.Highest(row, column);
-      if (c.z() > highest && grid.DistanceFromCell(row, column, highest, c) > within) continue;
+      const double above_it = c.z() - highest;
+      if (above_it > 0 && (are_many ? grid.DistanceFromCell(row, column, highest, c) : above_it) > within)
+        continue;
       for (int which : {0, 1}) {
         const Triangle face = grid.Face(row, column, which);
         const Vector3 n = AreaNormal(face);
