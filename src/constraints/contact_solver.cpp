@@ -118,7 +118,7 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
     if (again) velocities = work.start.head(velocities.size());
     if (!rows.Prepare(blocks, contacts, work.taken, limits, velocities, options.max_relative_regularization))
       return give_up();
-    // What comes down suddenly presses its material in too deep: once more with a stiffer one.
+    // What comes down suddenly presses its material in too deep: once more with a stiffer one, unless it is driven.
     for (int round = 0;; ++round) {
       work.guess.resize(static_cast<std::size_t>(rows.freedoms()));
       rows.Push(work.guess.data());
@@ -129,7 +129,14 @@ ContactSolverReport ContactSolver::Solve(const std::vector<VelocityBlock>& block
         work.change = work.guess;
         work.fallbacks.Solve(rows, work.semismooth, options, work.change, report);
       }
-      if (round == kStiffer || !report.converged || !rows.DecreaseRegularization()) break;
+      if (round == kStiffer || !report.converged || !rows.IsPressedIn()) break;
+      const bool probes = round == 1;  // most are held by then
+      if (probes) {
+        rows.BeginProbe();
+        rows.Push(work.change.data());
+        rows.EndProbe(work.semismooth.Solve(rows, work.change, options.tolerance, report.newton_iterations));
+      }
+      if (!rows.DecreaseRegularization() && !probes) break;
     }
     report.residual = work.semismooth.Residual(rows);
     if (!std::isfinite(report.residual)) return give_up();

@@ -48,6 +48,10 @@ void RegularizedContactProblem::Reserve(int num_contacts, int num_limits, int nu
   ports.reserve(velocities / 6 + 1);
   pairs.reserve(contacts);
   points.reserve(contacts);
+  probe_.pairs.reserve(contacts);
+  probe_.points.reserve(contacts);
+  probe_.given.reserve(contacts);
+  probe_.limits.reserve(static_cast<std::size_t>(num_limits));
   limits.reserve(static_cast<std::size_t>(num_limits));
   blocks_.Reserve(num_velocities, num_freedoms);
   order_.reserve(contacts);
@@ -138,7 +142,7 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
 // Points of a pair are of one material: they give alike.
 void RegularizedContactProblem::SetPairCompliance(PairRows& pair, double max_relative_regularization) {
   pair.material_R_n = pair.material_R_t = pair.R_n = pair.R_t = std::numeric_limits<double>::infinity();
-  pair.least_R = pair.before_R_n = pair.before_given = 0;
+  pair.least_R = 0;
   pair.gives_way = false;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     PointRows& point = points[static_cast<std::size_t>(i)];
@@ -180,43 +184,70 @@ void RegularizedContactProblem::ApplyPairCompliance(const PairRows& pair) {
   }
 }
 
-// A pair of compliance R that is pressed together at the speed v gives λ R = v R/(W + R), W the inverse mass of what
-// presses: of two solves W = (λ R − λ' R')/(λ' − λ).
-bool RegularizedContactProblem::DecreaseRegularization() {
+// Speed [m/s] by which the point gives that gives most, and the share of its R that would leave its depth.
+RegularizedContactProblem::Pressed RegularizedContactProblem::PressedIn(const PairRows& pair) const {
   // Twice the depth is let pass: of what comes in one step the next one takes note.
   constexpr double kLetPass = 2;
-  // What is more than a million times as heavy, or as stiff, as what it presses on is driven: then no force holds it up.
-  constexpr double kDriven = 1e-6;
+  Pressed pressed;
+  for (int i = pair.first; i < pair.first + pair.count; ++i) {
+    const PointRows& point = points[static_cast<std::size_t>(i)];
+    const double given = point.impulse[0] * point.compliance.R_n;
+    pressed.given = std::max(pressed.given, given);
+    if (given > kLetPass * point.compliance.depth)
+      pressed.share = std::min(pressed.share, point.compliance.depth / given);
+  }
+  return pressed;
+}
+
+bool RegularizedContactProblem::IsPressedIn() const {
+  return std::any_of(pairs.begin(), pairs.end(),
+                     [&](const PairRows& pair) { return !pair.gives_way && PressedIn(pair).share < 1; });
+}
+
+bool RegularizedContactProblem::DecreaseRegularization() {
   bool any = false;
   for (PairRows& pair : pairs) {
-    if (pair.gives_way) continue;
-    double share = 1, given_most = 0, inverse_mass = 0;
-    for (int i = pair.first; i < pair.first + pair.count; ++i) {
-      const PointRows& point = points[static_cast<std::size_t>(i)];
-      const double given = point.impulse[0] * point.compliance.R_n;
-      if (given > kLetPass * point.compliance.depth) share = std::min(share, point.compliance.depth / given);
-      if (given <= given_most) continue;
-      given_most = given;
-      inverse_mass = point.compliance.inverse_mass;
-    }
-    if (share == 1) continue;
-    if (pair.before_given > 0 &&
-        pair.before_given - given_most <
-            kDriven * inverse_mass * (given_most / pair.R_n - pair.before_given / pair.before_R_n)) {
-      pair.gives_way = true;
-      pair.R_n = pair.material_R_n;
-      pair.R_t = pair.material_R_t;
-    } else {
-      if (pair.R_n * share < pair.least_R) continue;
-      pair.before_given = given_most;
-      pair.before_R_n = pair.R_n;
-      pair.R_n *= share;
-      pair.R_t *= share;
-    }
+    const double share = PressedIn(pair).share;
+    if (pair.gives_way || share == 1 || pair.R_n * share < pair.least_R) continue;
+    pair.R_n *= share;
+    pair.R_t *= share;
     ApplyPairCompliance(pair);
     any = true;
   }
   return any;
+}
+
+void RegularizedContactProblem::BeginProbe() {
+  probe_.pairs = pairs;
+  probe_.points = points;
+  probe_.limits = limits;
+  probe_.given.clear();
+  for (PairRows& pair : pairs) {
+    probe_.given.push_back(PressedIn(pair).given);
+    if (pair.gives_way) continue;
+    pair.R_n *= kProbe;
+    pair.R_t *= kProbe;
+    ApplyPairCompliance(pair);
+  }
+}
+
+void RegularizedContactProblem::EndProbe(bool solved) {
+  // Of what is not driven less than a thousandth is left, be it a million times as heavy.
+  constexpr double kLeft = 0.5;
+  std::vector<double>& given = probe_.given;
+  for (std::size_t p = 0; p < pairs.size(); ++p)
+    given[p] = solved ? PressedIn(pairs[p]).given / std::max(given[p], 1e-300) : 0;
+  pairs.swap(probe_.pairs);
+  points.swap(probe_.points);
+  limits.swap(probe_.limits);
+  for (std::size_t p = 0; p < pairs.size(); ++p) {
+    PairRows& pair = pairs[p];
+    if (pair.gives_way || !(given[p] > kLeft) || PressedIn(pair).share == 1) continue;
+    pair.gives_way = true;
+    pair.R_n = pair.material_R_n;
+    pair.R_t = pair.material_R_t;
+    ApplyPairCompliance(pair);
+  }
 }
 
 bool RegularizedContactProblem::PrepareLimit(const LimitConstraint& in, LimitRows& out,

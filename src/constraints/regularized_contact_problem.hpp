@@ -123,9 +123,7 @@ struct PairRows {
   int first = 0, count = 0;
   double R_n = 0, R_t = 0, least_R = 0;
   double material_R_n = 0, material_R_t = 0;  // before any load makes it stiffer
-  // When this solve last made it stiffer: R_n, and what the point that gave most gave [m/s]; 0: it did not.
-  double before_R_n = 0, before_given = 0;
-  bool gives_way = false;  // as ContactConstraint
+  bool gives_way = false;                     // as ContactConstraint
 };
 
 struct LimitRows {
@@ -192,9 +190,15 @@ class RegularizedContactProblem {
   void AddChange(const double* d, Eigen::Ref<VectorX> velocities) const;
   /// R' = max(R, share of the inverse mass) about the impulses at hand; share 0: the material's.
   void IncreaseRegularization(double share);
-  /// Makes pairs stiffer that were pressed in too deep by the impulses at hand. Where that did not help, since what
-  /// presses is driven, the pair has its material's compliance again. False where nothing changes.
+  /// Whether the impulses at hand press pairs in too deep that do not give way.
+  bool IsPressedIn() const;
+  /// Makes these pairs stiffer. False where nothing changes.
   bool DecreaseRegularization();
+  /// Between these two calls all is nearly hard, to be solved for what presses. A pair that gives as much then is pressed by
+  /// what no force holds up: it gives way, with its material's compliance. All else, the impulses included, is as before.
+  /// `solved`: whether it was.
+  void BeginProbe();
+  void EndProbe(bool solved);
   /// Original place of points[i].
   int place(std::size_t i) const { return order_[i]; }
 
@@ -234,6 +238,10 @@ class RegularizedContactProblem {
   void SetPairCompliance(PairRows& pair, double max_relative_regularization);
   void ApplyPairCompliance(const PairRows& pair);
   void RelaxInternalForces();
+  struct Pressed {
+    double given = 0, share = 1;
+  };
+  Pressed PressedIn(const PairRows& pair) const;
   bool FindLeastByFreedoms();
   void GatherPush(double LimitRows::*borne);
   void SetDiagonal(double diagonal, double* H) const;
@@ -253,6 +261,13 @@ class RegularizedContactProblem {
   struct {  // of FindLeastByFreedoms
     std::vector<double> H, x;
   } internal_forces_;
+  static constexpr double kProbe = 1e-8;  // of R in a probe
+  struct {                                // as they were
+    std::vector<PairRows> pairs;
+    std::vector<PointRows> points;
+    std::vector<LimitRows> limits;
+    std::vector<double> given;  // of pairs, m/s
+  } probe_;
   struct {                    // of AddBlocks
     std::vector<double> U;    // freedoms x 6
     std::vector<Span> spans;  // rows of U that are not zero

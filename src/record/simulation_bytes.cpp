@@ -519,7 +519,13 @@ Expected<Simulation::Snapshot> ReadSnapshotBytes(const std::string& bytes, const
 
 std::string WriteBatchBytes(const BatchContent& content) { return internal::ToBytes(content); }
 Expected<BatchContent> ReadBatchBytes(const std::string& bytes, const std::string& where) {
-  return internal::FromBytes<BatchContent>(bytes, where);
+  auto content = internal::FromBytes<BatchContent>(bytes, where);
+  if (!content) return content;
+  for (Simulation::Snapshot& snapshot : content->snapshots)
+    if (snapshot.made_of)
+      if (auto done = internal::CompleteFromScene(where, snapshot); !done)
+        return tl::unexpected(done.error());
+  return content;
 }
 
 Expected<void> CompleteSnapshot(const Simulation::Snapshot& made, const std::string& where,

@@ -34,13 +34,13 @@ std::string WriteSnapshotBytes(const Simulation::Snapshot& snapshot);
 /// Errors likewise.
 Expected<Simulation::Snapshot> ReadSnapshotBytes(const std::string& bytes, const std::string& where);
 
-/// Options of the simulations of a batch, and the moment of each without its scene.
+/// Options of the simulations of a batch, and the moment of each, without its scene where that is the one it began with.
 struct BatchContent {
   SimulationOptions options;
   std::vector<Simulation::Snapshot> snapshots;
 };
 std::string WriteBatchBytes(const BatchContent& content);
-/// Each moment is to be completed by CompleteSnapshot. Errors likewise.
+/// Each moment without a scene is to be completed by CompleteSnapshot. Errors likewise.
 Expected<BatchContent> ReadBatchBytes(const std::string& bytes, const std::string& where);
 /// Gives a moment of a batch scene and mechanisms: those of `made`, of the simulation as it was made. Errors: kFormat
 /// where it has other mechanisms.

@@ -123,11 +123,12 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
 void InitializePairCompliance(const std::vector<PointConstraint>& points, double max_relative,
                               ContactProblem& problem) {
   std::fill(problem.pair_scale.begin(), problem.pair_scale.end(), 1.0);
-  problem.pair_history.assign(problem.pair_scale.size(), {});
+  problem.initial_scale = problem.pair_scale;
+  problem.driven_pairs.assign(problem.pair_scale.size(), 0);
   for (const PointBlock& block : problem.points) {
     const PointConstraint& p = points[static_cast<std::size_t>(block.constraint)];
     double& scale = problem.pair_scale[static_cast<std::size_t>(block.pair)];
-    double& initial = problem.pair_history[static_cast<std::size_t>(block.pair)].initial_scale;
+    double& initial = problem.initial_scale[static_cast<std::size_t>(block.pair)];
     initial = std::min(initial, max_relative * block.inverse_mass / p.compliance_normal);
     scale = std::min(scale, initial);
     if (const double pressed = p.previous_impulse[0] * p.compliance_normal; pressed > 0)
@@ -135,20 +136,34 @@ void InitializePairCompliance(const std::vector<PointConstraint>& points, double
   }
 }
 
+namespace {
+
+// Twice the depth is accepted: the next step knows the load.
+constexpr double kAcceptedDepth = 2;
+
+}  // namespace
+
+std::vector<double> DepthSpeeds(const std::vector<PointConstraint>& points, const ContactProblem& problem,
+                                const VectorX& x) {
+  std::vector<double> speeds(problem.pair_scale.size(), 0.0);
+  for (const PointBlock& block : problem.points) {
+    const double accepted = kAcceptedDepth *
+                            points[static_cast<std::size_t>(block.constraint)].max_penetration_speed,
+                 speed = x[block.row] * problem.R[block.row];
+    double& most = speeds[static_cast<std::size_t>(block.pair)];
+    if (speed > accepted) most = std::max(most, speed);
+  }
+  return speeds;
+}
+
 bool ReducePairCompliance(const std::vector<PointConstraint>& points, const VectorX& x,
                           ContactProblem& problem) {
-  // Twice the depth is accepted: the next step knows the load.
-  constexpr double kAcceptedDepth = 2;
-  constexpr double kDrivenInverseMass = 1e-6;
   std::vector<double> factor(problem.pair_scale.size(), 1.0);
-  std::vector<const PointBlock*> deepest(factor.size(), nullptr);
-  const auto pressed_in = [&](const PointBlock& block) { return x[block.row] * problem.R[block.row]; };
   for (const PointBlock& block : problem.points) {
     const double limit = points[static_cast<std::size_t>(block.constraint)].max_penetration_speed,
-                 pressed = pressed_in(block);
-    const auto pair = static_cast<std::size_t>(block.pair);
-    if (pressed > kAcceptedDepth * limit) factor[pair] = std::min(factor[pair], limit / pressed);
-    if (!deepest[pair] || pressed > pressed_in(*deepest[pair])) deepest[pair] = &block;
+                 pressed = x[block.row] * problem.R[block.row];
+    double& f = factor[static_cast<std::size_t>(block.pair)];
+    if (pressed > kAcceptedDepth * limit) f = std::min(f, limit / pressed);
   }
   bool any = false;
   std::vector<char> at_floor(factor.size(), 0);
@@ -157,22 +172,8 @@ bool ReducePairCompliance(const std::vector<PointConstraint>& points, const Vect
     if (problem.R[block.row] * factor[pair] < problem.pair_floor[pair]) at_floor[pair] = 1;
   }
   for (std::size_t pair = 0; pair < factor.size(); ++pair) {
-    ContactProblem::PairHistory& history = problem.pair_history[pair];
-    if (factor[pair] == 1 || history.is_driven) continue;
-    const double impulse = x[deepest[pair]->row], pressed = pressed_in(*deepest[pair]);
-    // (W + R) impulse is the speed of what presses, before and after; W the inverse mass of that.
-    const double inverse_mass_times_change = history.pressed - pressed;
-    history.is_driven = history.impulse > 0 && inverse_mass_times_change < kDrivenInverseMass *
-                                                                               deepest[pair]->inverse_mass *
-                                                                               (impulse - history.impulse);
-    if (history.is_driven) {
-      problem.pair_scale[pair] = history.initial_scale;
-    } else {
-      if (at_floor[pair]) continue;
-      problem.pair_scale[pair] *= factor[pair];
-    }
-    history.impulse = impulse;
-    history.pressed = pressed;
+    if (factor[pair] == 1 || at_floor[pair] || problem.driven_pairs[pair]) continue;
+    problem.pair_scale[pair] *= factor[pair];
     any = true;
   }
   return any;

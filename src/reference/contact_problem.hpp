@@ -33,14 +33,9 @@ struct ContactProblem {
   VectorX magnitude;          // |J| |v*| + |bias|, for rounding
   std::vector<PointBlock> points;
   std::vector<double> pair_scale, pair_floor;  // of the material's R; least R [m/s per N·s]
-  struct PairHistory {
-    double initial_scale = 1;  // before any load
-    double impulse = 0;        // N·s, of the most compressed point at the last reduction; 0: there was none
-    double pressed = 0;        // m/s, R times that
-    bool is_driven = false;    // what presses gives way to no force
-  };
-  std::vector<PairHistory> pair_history;
-  int first_bound = 0;  // row of the first bound constraint
+  std::vector<double> initial_scale;           // before any load
+  std::vector<char> driven_pairs;              // what presses them gives way to no force
+  int first_bound = 0;                         // row of the first bound constraint
 
   int size() const { return static_cast<int>(b.size()); }
 };
@@ -55,9 +50,11 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
 /// penetrates by no more than the material's depth.
 void InitializePairCompliance(const std::vector<PointConstraint>& points, double max_relative,
                               ContactProblem& problem);
-/// Reduces R of pairs that x presses in by more than twice the material's depth. Where the last reduction shows that
-/// more than 1e6 times the mass of the point presses, R goes back to that before any load: such a body is driven, and
-/// the pair has no rigid solution. False if nothing changes.
+/// R times the normal impulse of the deepest point of each pair [m/s], where that is more than twice the material's depth;
+/// 0 of the others.
+std::vector<double> DepthSpeeds(const std::vector<PointConstraint>& points, const ContactProblem& problem,
+                                const VectorX& x);
+/// Reduces R of these pairs, but of driven ones. False if there is none.
 bool ReducePairCompliance(const std::vector<PointConstraint>& points, const VectorX& x,
                           ContactProblem& problem);
 /// R, A, c and ρ from the scales of the pairs.

@@ -13,6 +13,7 @@ namespace {
 constexpr double kRhoFactors[] = {1, 0.1, 10, 0.01, 100};
 constexpr double kTarget = 1e-12;         // residual that Newton usually reaches with one more iteration
 constexpr int kFirstSweeps = 20;          // of the first set; the next ones are twice as long each
+constexpr double kNearlyHard = 1e-8;      // of R
 constexpr int kMaxComplianceUpdates = 4;  // deeper penetration is left to the next step, which knows the load
 
 VectorX GatherImpulses(const ContactProblem& problem, const std::vector<PointConstraint>& points,
@@ -109,6 +110,29 @@ double SolveAtCompliance(const ContactProblem& problem, const std::vector<PointC
   return best_residual;
 }
 
+// Marks pairs that x presses in too deep and a solution with next to no compliance as deep: no force holds up what presses
+// them. Their R goes back to that before any load. False if there is none.
+bool FindDrivenPairs(const std::vector<PointConstraint>& points, const std::vector<BoundConstraint>& bounds,
+                     const FullContactOptions& options, const VectorX& x, ContactProblem& problem) {
+  const std::vector<double> before = DepthSpeeds(points, problem, x);
+  if (std::none_of(before.begin(), before.end(), [](double speed) { return speed > 0; })) return false;
+  ContactProblem nearly_hard = problem;
+  for (double& scale : nearly_hard.pair_scale) scale *= kNearlyHard;
+  UpdateCompliance(points, options.max_relative_regularization, nearly_hard);
+  VectorX x_nearly_hard = x;
+  FullContactReport ignored;
+  if (SolveAtCompliance(nearly_hard, points, bounds, options, x_nearly_hard, ignored) > options.tolerance)
+    return false;
+  const std::vector<double> after = DepthSpeeds(points, nearly_hard, x_nearly_hard);
+  bool any = false;
+  for (std::size_t pair = 0; pair < before.size(); ++pair) {
+    if (problem.driven_pairs[pair] || !(before[pair] > 0) || !(after[pair] > 0.5 * before[pair])) continue;
+    problem.driven_pairs[pair] = any = true;
+    problem.pair_scale[pair] = problem.initial_scale[pair];
+  }
+  return any;
+}
+
 }  // namespace
 
 FullContactReport SolveContacts(const std::vector<ResponseBlock>& blocks,
@@ -136,8 +160,10 @@ FullContactReport SolveContacts(const std::vector<ResponseBlock>& blocks,
     UpdateCompliance(points, options.max_relative_regularization, problem);
     report.residual = SolveAtCompliance(problem, points, bounds, options, x, report);
     report.converged = report.residual <= options.tolerance;
-    if (!report.converged || update == kMaxComplianceUpdates || !ReducePairCompliance(points, x, problem))
-      break;
+    if (!report.converged || update == kMaxComplianceUpdates) break;
+    // Most is held by the first reduction.
+    const bool driven = update == 1 && FindDrivenPairs(points, bounds, options, x, problem);
+    if (!ReducePairCompliance(points, x, problem) && !driven) break;
   }
   NaturalMap map;
   EvaluateNaturalMap(problem, points, bounds, x, map);

@@ -130,25 +130,25 @@ Expected<void> MemberPool::Restore(std::size_t index, const Simulation::Snapshot
     // Of more or less detail than others: a world of its own.
     auto own = std::make_shared<Variant>();
     own->factors = factors;
+    own->is_of_one = true;
     seat = Acquire(*own, member);
     variant = std::move(own);
   } else {
     seat = Acquire(*variant, member);
+    if (!HasStepModels(next) && !(seat->occupant == &member && seat->version == member.version)) {
+      Simulation::Snapshot now = member.variant == variant ? member.moment : variant->start;
+      now.made_of = seat->made_of;
+      now.keyframe = seat->keyframe;
+      const auto restored = seat->simulation.Restore(now);
+      FORK1S_REQUIRE(restored.has_value(), restored ? "" : restored.error().Text());
+    }
     // Another scene is told by its name.
     if (next.made_of && next.made_of->name == seat->made_of->name) {
       next.made_of = seat->made_of;
       next.keyframe = seat->keyframe;
     }
   }
-  const bool is_member = seat->occupant == &member && seat->version == member.version;
   seat->occupant = nullptr;
-  if (!HasStepModels(next) && !is_member && member.moment.fidelity == next.fidelity) {
-    Simulation::Snapshot now = member.moment;
-    now.made_of = seat->made_of;
-    now.keyframe = seat->keyframe;
-    const auto restored = seat->simulation.Restore(now);
-    FORK1S_REQUIRE(restored.has_value(), restored ? "" : restored.error().Text());
-  }
   if (auto restored = seat->simulation.Restore(next); !restored) {
     Release(*variant, std::move(seat));
     return restored;

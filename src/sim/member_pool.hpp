@@ -53,11 +53,13 @@ class MemberPool {
       seat.sensors.emplace(seat.simulation);
     f(std::as_const(*seat.sensors));
   }
+  /// Whether it has a moment of more or less detail than members begin with, and so a world and a scene of its own.
+  bool HasOwnWorld(std::size_t member) const { return members_[member].variant->is_of_one; }
   /// The state of a member.
   const Simulation::Snapshot& Moment(std::size_t member) const { return members_[member].moment; }
-  /// The member goes to a moment of a simulation of the scene with these factors. A moment without
-  /// MechanismState::step_model is one of the factors that the member has, and limits in force stay those of the
-  /// member. Errors: those of Simulation::Restore; the member is as it was.
+  /// The member goes to a moment of a simulation of the scene with these factors. Of a moment without
+  /// MechanismState::step_model limits in force stay those of the member, or become those that members with these factors
+  /// begin with. Errors: those of Simulation::Restore; the member is as it was.
   Expected<void> Restore(std::size_t member, const Simulation::Snapshot& moment, const SceneFactors& factors);
 
  private:
@@ -74,6 +76,7 @@ class MemberPool {
     SceneFactors factors;
     Simulation::Snapshot start;  // of every member, unless starts are drawn
     int members = 0;             // guarded by the mutex of the pool
+    bool is_of_one = false;      // that has another detail
     std::mutex mutex;
     std::vector<std::unique_ptr<Seat>> free;  // guarded by `mutex`
   };

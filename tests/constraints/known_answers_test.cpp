@@ -66,6 +66,7 @@ TEST(Contact, DrivenPlatePressesOnBall_ImpulseOfTheMaterial) {
     const ContactSolverReport report = SolveProblem(p);
     EXPECT_TRUE(report.converged);
     EXPECT_EQ(report.fallback, 0);
+    EXPECT_TRUE(p.contacts[0].gives_way && p.contacts[1].gives_way);
     const double ball = kSpeed / (2 + kMass * kCompliance);
     EXPECT_NEAR(p.contacts[0].impulse[0], ball / kCompliance, 1e-9 * kSpeed / kCompliance) << previous;
     EXPECT_NEAR(p.contacts[1].impulse[0], (kSpeed - ball) / kCompliance, 1e-9 * kSpeed / kCompliance)
@@ -88,6 +89,31 @@ TEST(Contact, HeavyPressesOnLight_NoDeeperThanTwiceTheDepth) {
       EXPECT_TRUE(SolveProblem(p).converged);
       EXPECT_GT(p.velocity[11], -4.001 * kDepth) << ratio << ", " << speed;  // of two contacts
     }
+}
+
+// Of a stack each contact bears the same load and gives a part of the way: none of them alone tells that it is held.
+TEST(Contact, HeavyPressesOnStack_NoDeeperThanTwiceTheDepthEach) {
+  constexpr double kDepth = 1e-3;
+  for (const int count : {2, 5, 20})
+    for (const double ratio : {1e3, 1e5, 1e6})
+      for (const double speed : {2.1 * kDepth * (count + 1), 0.15, 3.0}) {
+        Problem p;
+        for (int i = 0; i < count; ++i) p.W.push_back(RigidBodyW(1e-3, 0.4e-7));
+        p.W.push_back(RigidBodyW(1e-3 * ratio, 0.4e-5 * ratio));
+        p.Finish();
+        for (int i = 0; i <= count; ++i) {
+          p.contacts.push_back(
+              TouchAt(6 * (i - 1), Vector3(0, 0, 0.01), 6 * i, Vector3(0, 0, -0.01), Vector3::UnitZ(), 0.5));
+          if (i == 0) p.contacts.back().port_a = -1;
+          p.contacts.back().compliance_normal = p.contacts.back().compliance_tangent = 0.01 * (1 + i % 3);
+          p.contacts.back().max_penetration_speed = kDepth;
+        }
+        p.velocity[6 * count + 5] = -speed;
+        EXPECT_TRUE(SolveProblem(p).converged);
+        for (const ContactConstraint& c : p.contacts) EXPECT_FALSE(c.gives_way);
+        EXPECT_GT(p.velocity[6 * count + 5], -2.1 * kDepth * (count + 1))
+            << count << ", " << ratio << ", " << speed;
+      }
 }
 
 TEST(Contact, BoxSticksBelowTheCone) {

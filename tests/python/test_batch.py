@@ -320,3 +320,13 @@ def test_states_pushes_and_contacts_of_members(gripper):
         batch.step(push={"cub": [0, 0, 1]})
     with pytest.raises(ValueError, match="push"):
         batch.step(push={"cube": [0, 1]})
+
+
+def test_moment_with_pushes_is_refused(gripper):
+    sim = fork1s.Simulation(gripper, dt=1 / 60)
+    sim.push("cube", force=[0.5, 0, 0])
+    batch = fork1s.Batch(gripper, 2, dt=1 / 60)
+    before = batch.hashes()
+    with pytest.raises(fork1s.UsageError, match="pushes for the next call"):
+        batch.restore(sim.save())
+    assert_array_equal(batch.hashes(), before)

@@ -239,3 +239,35 @@ def test_damaged_pickles_are_refused():
                 cls.__new__(cls).__setstate__((*state[:place], damaged, *state[place + 1 :]))
         with pytest.raises(fork1s.FormatError, match=f"pickle of {cls.__name__}: .*; make it again"):
             cls.__new__(cls).__setstate__((1, 2))
+
+
+def test_moment_of_a_batch(gripper):
+    batch = fork1s.Batch(gripper, 3, seeds=4)
+    batch.step(steps=5)
+    moment = batch.save()
+    hashes = batch.hashes()
+    batch.step(steps=5)
+    after = batch.hashes()
+    read = pickle.loads(pickle.dumps(moment))
+    assert len(read) == 3 and copy.deepcopy(moment) is moment
+    other = fork1s.Batch(gripper, 3, seeds=9)
+    other.restore(read)
+    assert (other.hashes() == hashes).all()
+    other.step(steps=5)
+    assert (other.hashes() == after).all()
+
+
+def test_members_with_another_detail(gripper):
+    sim = fork1s.Simulation(gripper, dt=1 / 60)
+    sim.step(4)
+    sim.set_detail(modes=1)
+    sim.step(2)
+    batch = fork1s.Batch(gripper, 3, dt=1 / 60)
+    batch.restore(sim.save(), mask=[True, False, True])
+    again = pickle.loads(pickle.dumps(batch))
+    assert (again.hashes() == batch.hashes()).all()
+    for b in (batch, again):
+        b.step(steps=3)
+    assert (again.hashes() == batch.hashes()).all()
+    sim.step(3)
+    assert again.hashes()[2] == sim.hash()

@@ -185,6 +185,36 @@ TEST_P(Families, AgreeWithReducedSimulator) {
   EXPECT_LE(unsolved, unsolved_by_other + solved_by_both / 8);
 }
 
+// Boxes between the world and a plate that nothing moves; the plate comes down askew.
+TEST(DrivenPairs, AgreeWithReducedSimulator) {
+  std::mt19937 random{5};
+  for (int draw = 0; draw < 20; ++draw) {
+    Problem p;
+    p.W = {testing::RigidBodyW(0.03, 1e-5), MatrixX::Zero(6, 6)};
+    p.Finish();
+    for (const double side : {-1.0, 1.0})
+      for (const double x : {-0.01, 0.01})
+        for (const double y : {-0.01, 0.01}) {
+          const int below = side < 0 ? -1 : 0, above = side < 0 ? 0 : 6;
+          p.contacts.push_back(testing::TouchAt(below, Vector3(x, y, below < 0 ? 0 : 0.01), above,
+                                                Vector3(x, y, -0.01), Vector3::UnitZ(), 0.5));
+        }
+    testing::GiveDefaultMaterial(p);
+    p.velocity[11] = -testing::Uniform(random, 0.05, 1);
+    p.velocity[6] = testing::Uniform(random, -0.5, 0.5);
+    Constraints all = ConstraintsOf(p);
+    VectorX v = p.velocity;
+    ASSERT_TRUE(SolveContacts(all.blocks, all.points, all.bounds, v, {}).converged) << draw;
+    ContactSolver solver;
+    ASSERT_TRUE(solver.Solve(p.blocks, p.contacts, p.limits, p.velocity).converged) << draw;
+    double most = 0;
+    for (const ContactConstraint& c : p.contacts) most = std::max(most, c.impulse[0]);
+    EXPECT_LT(most, 1e3) << draw;  // N·s; 1e8 where they are stiffened on and on
+    for (std::size_t i = 0; i < p.contacts.size(); ++i)
+      EXPECT_LT((all.points[i].impulse - p.contacts[i].impulse).norm(), 1e-6 * most) << draw << ", " << i;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(All, Families, ::testing::ValuesIn(testing::kFamilies),
                          [](const auto& drawn) { return std::string(testing::NameOf(drawn.param)); });
 

@@ -123,7 +123,7 @@ Batch::Batch(std::shared_ptr<const Model> model, Content content)
   Begin(gil);
   for (std::size_t i = 0; i < drawn_.size(); ++i) {
     Simulation::Snapshot& moment = content.simulations.snapshots[i];
-    ValueOrThrow(CompleteSnapshot(members_.Moment(i), "pickle of Batch", moment));
+    if (!moment.made_of) ValueOrThrow(CompleteSnapshot(members_.Moment(i), "pickle of Batch", moment));
     ValueOrThrow(members_.Restore(i, moment, drawn_[i].factors), model_->origin());
   }
 }
@@ -135,8 +135,8 @@ Batch::Content Batch::GetContent() const {
     content = {{options_, {}}, threads_, ranges_, seeds_, times_, drawn_};
     for (std::size_t i = 0; i < members_.size(); ++i) {
       content.simulations.snapshots.push_back(members_.Moment(i));
-      // Members have the detail that they began with, so the scene is the one that is drawn again.
-      content.simulations.snapshots.back().made_of.reset();
+      // What has the detail that it began with is of the scene that is drawn again.
+      if (!members_.HasOwnWorld(i)) content.simulations.snapshots.back().made_of.reset();
     }
   });
   return content;
@@ -228,8 +228,13 @@ void Batch::ResetInTurn(ReleasedGil& gil, const std::vector<char>& mask,
     }
   });
   if (failed || !complete) {
-    for (std::size_t i = 0; i < replaced.size(); ++i)
-      if (replaced[i]) ValueOrThrow(members_.Restore(i, *replaced[i], drawn_[i].factors), model_->origin());
+    WithThreads(threads_, [&] {
+      ParallelForFixedShares(0, size(), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (replaced[at])
+          ValueOrThrow(members_.Restore(at, *replaced[at], drawn_[at].factors), model_->origin());
+      });
+    });
     for (std::optional<Error>& error : errors)
       if (error) throw Refused{std::move(*error)};
     return;
@@ -286,6 +291,11 @@ void Batch::Restore(const BatchSnapshot& moment, const std::vector<char>& mask,
 void Batch::Restore(const Runner::Snapshot& moment, const std::vector<char>& mask) {
   const auto check = [&]() -> Expected<void> {
     Expected<void> fits;
+    if (!moment.pushes.empty())
+      return Fail(
+          ErrorCode::kUsage, "restore",
+          "the moment has pushes for the next call, which a batch takes by step(push=...); save it before "
+          "Simulation.push");
     for (std::size_t at = 0; at < mask.size(); ++at)
       if (mask[at] && !(drawn_[at].factors == SceneFactors{}))
         return Fail(ErrorCode::kUsage, "restore",

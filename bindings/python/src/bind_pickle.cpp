@@ -137,7 +137,59 @@ void BindSnapshotPickle() {
           nb::sig("def __deepcopy__(self, memo: object) -> Snapshot"));
 }
 
-// A range as (low, high), what was drawn as factors of stiffness, friction and mass, then starts.
+// Factors of stiffness, friction and mass, then starts.
+std::vector<NumberList> ListOf(const std::vector<Drawn>& drawn) {
+  std::vector<NumberList> all;
+  for (const Drawn& d : drawn) {
+    all.push_back({d.factors.stiffness, d.factors.friction, d.factors.mass});
+    all.back().insert(all.back().end(), d.start.begin(), d.start.end());
+  }
+  return all;
+}
+
+std::vector<Drawn> DrawnOf(const std::vector<NumberList>& all, std::size_t starts, const char* what) {
+  std::vector<Drawn> drawn;
+  for (const NumberList& d : all) {
+    if (d.size() != 3 + starts) RefusePickle(what, "does not have the values that it should");
+    drawn.push_back(
+        {{d[0], d[1], d[2]}, Eigen::Map<const VectorX>(d.data() + 3, static_cast<Eigen::Index>(starts))});
+  }
+  return drawn;
+}
+
+void BindBatchSnapshotPickle() {
+  constexpr const char* kWhat = "BatchSnapshot";
+  nb::borrow<nb::class_<BatchSnapshot>>(nb::type<BatchSnapshot>())
+      .def(
+          "__getstate__",
+          [](const BatchSnapshot& s) {
+            const std::string bytes = WithoutGil([&] { return WriteBatchBytes({{}, s.simulations}); });
+            return Join(ToBytes(bytes), s.dt, ListOf(s.drawn));
+          },
+          nb::sig("def __getstate__(self) -> object"))
+      .def(
+          "__setstate__",
+          [](BatchSnapshot& s, const nb::object& state) {
+            const auto [bytes, dt, drawn] = Split<nb::bytes, double, std::vector<NumberList>>(state, kWhat);
+            const std::string text = ToText(bytes);
+            BatchContent content =
+                WithoutGil([&] { return ValueOrThrow(ReadBatchBytes(text, "pickle of BatchSnapshot")); });
+            if (content.snapshots.size() != drawn.size())
+              RefusePickle(kWhat, "does not have the values that it should");
+            const std::size_t starts = drawn.empty() ? 0 : std::max<std::size_t>(3, drawn[0].size()) - 3;
+            new (&s) BatchSnapshot{dt, std::move(content.snapshots), DrawnOf(drawn, starts, kWhat)};
+          },
+          nb::arg("state"), nb::sig("def __setstate__(self, state: object) -> None"))
+      // It stays as it is, so a copy is the same.
+      .def(
+          "__copy__", [](const nb::object& self) { return self; },
+          nb::sig("def __copy__(self) -> BatchSnapshot"))
+      .def(
+          "__deepcopy__", [](const nb::object& self, const nb::object&) { return self; }, nb::arg("memo"),
+          nb::sig("def __deepcopy__(self, memo: object) -> BatchSnapshot"));
+}
+
+// A range as (low, high).
 using Pair = std::pair<double, double>;
 using Starting = std::vector<std::pair<std::string, Pair>>;
 
@@ -153,14 +205,9 @@ void BindBatchPickle() {
             const Randomisation& r = content.ranges;
             Starting starts;
             for (const StartRange& s : r.start) starts.emplace_back(s.coordinate, pair(s.range));
-            std::vector<NumberList> drawn;
-            for (const Drawn& d : content.drawn) {
-              drawn.push_back({d.factors.stiffness, d.factors.friction, d.factors.mass});
-              drawn.back().insert(drawn.back().end(), d.start.begin(), d.start.end());
-            }
             return Join(b.model(), ToBytes(bytes), content.threads,
                         std::vector<Pair>{pair(r.stiffness), pair(r.friction), pair(r.mass)}, starts,
-                        content.seeds, content.times, drawn);
+                        content.seeds, content.times, ListOf(content.drawn));
           },
           nb::sig("def __getstate__(self) -> object"))
       .def(
@@ -183,16 +230,7 @@ void BindBatchPickle() {
             content.ranges = {range(ranges[0]), range(ranges[1]), range(ranges[2]), {}};
             for (const auto& [coordinate, of] : starts)
               content.ranges.start.push_back({coordinate, range(of)});
-            for (const NumberList& d : drawn) {
-              if (d.size() != 3 + starts.size())
-                RefusePickle(kWhat, "does not have the values that it should");
-              Drawn one;
-              one.factors.stiffness = d[0];
-              one.factors.friction = d[1];
-              one.factors.mass = d[2];
-              one.start = Eigen::Map<const VectorX>(d.data() + 3, static_cast<Eigen::Index>(starts.size()));
-              content.drawn.push_back(std::move(one));
-            }
+            content.drawn = DrawnOf(drawn, starts.size(), kWhat);
             new (&b) Batch(model, std::move(content));
           },
           nb::arg("state"), nb::sig("def __setstate__(self, state: object) -> None"));
@@ -233,6 +271,7 @@ void BindPickles(nb::module_& m) {
   BindModelPickle(m);
   BindSimulationPickle();
   BindSnapshotPickle();
+  BindBatchSnapshotPickle();
   BindBatchPickle();
 }
 
