@@ -229,3 +229,37 @@ def test_contacts_have_their_friction_use():
         assert_allclose(contacts["friction_use"], tangential / (0.5 * np.abs(along)), rtol=1e-12)
         weighted = np.average(contacts["friction_use"], weights=np.abs(along))
         assert weighted == pytest.approx(share, rel=1e-3)  # the solver's tolerance of the force
+
+
+def test_heavy_load_on_a_light_stack_is_held():
+    # 100 kg on five boxes of 1 g: each contact tells a part of what presses on it.
+    boxes = "".join(
+        f'<body pos="0 0 {0.02 + 0.04 * i}"><freejoint/><geom type="box" size=".02 .02 .02" mass=".001"/></body>'
+        for i in range(5)
+    )
+    model = fork1s.load(f"""<mujoco><worldbody><geom type="plane" size="5 5 .1"/>{boxes}
+      <body name="load" pos="0 0 .3"><joint type="slide" axis="0 0 1"/>
+      <geom type="box" size=".1 .1 .1" mass="100"/></body></worldbody></mujoco>""")
+    for dt in (1 / 60, 1 / 500):
+        sim = fork1s.Simulation(model, dt=dt)
+        start = sim.pose("load")[2, 3]
+        sim.step(round(0.2 / dt))
+        assert start - sim.pose("load")[2, 3] < 0.2e-3  # m: ten times the depth of six contacts is 0.6 mm
+
+
+@pytest.mark.parametrize("steps", [1, 2, 4])
+def test_plates_that_jump_hold_a_ball(steps):
+    plate = '<geom mass="{}" type="box" size=".001 .15 .15"/>'
+    sim = fork1s.Simulation(
+        fork1s.load(f"""<mujoco><option gravity="0 0 0"/><worldbody>
+          <body name="left" pos="-.1 0 0"><joint name="l" type="slide" axis="1 0 0" damping="1e4"/>{plate.format(0.02)}</body>
+          <body name="right" pos=".1 0 0"><joint name="r" type="slide" axis="1 0 0" damping="1e4"/>{plate.format(0.05)}</body>
+          <body name="ball" pos=".013 0 0"><freejoint/><geom mass=".01" type="sphere" size=".004"/></body></worldbody>
+          <actuator><position name="left" joint="l" kp="1e6"/><position name="right" joint="r" kp="1e6"/></actuator>
+          </mujoco>"""),
+        dt=1 / 30 / steps,
+    )
+    sim.controls.update({"left": 0.3, "right": -0.5})
+    sim.step(steps)
+    left, ball, right = (sim.pose(name)[0, 3] for name in ("left", "ball", "right"))
+    assert left < ball < right
