@@ -144,8 +144,10 @@ std::string WhyNoResult(std::optional<int> status, bool late, const ChildReader&
       return "cannot be read: its reader could not be started; descriptors, memory or processes are used up, "
              "raise their limits (ulimit -n, -v, -u)";
     default:
-      return fmt::format("was not read: its reader ended with exit code {} and no result",
-                         WEXITSTATUS(*status));
+      return fmt::format(
+          "was not read: its reader ended with exit code {} and no result; memory that ran out is the likely cause: "
+          "raise its limit (ulimit -v) or simplify the model",
+          WEXITSTATUS(*status));
   }
 }
 

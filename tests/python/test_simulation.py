@@ -244,7 +244,9 @@ def test_heavy_load_on_a_light_stack_is_held():
         sim = fork1s.Simulation(model, dt=dt)
         start = sim.pose("load")[2, 3]
         sim.step(round(0.2 / dt))
-        assert start - sim.pose("load")[2, 3] < 0.2e-3  # m: six contacts of 10 um, and what they give until the load is known
+        assert (
+            start - sim.pose("load")[2, 3] < 0.2e-3
+        )  # m: six contacts of 10 um, and what they give until the load is known
 
 
 @pytest.mark.parametrize("steps", [1, 2, 4])
