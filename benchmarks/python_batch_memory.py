@@ -4,13 +4,14 @@
     python benchmarks/python_batch_memory.py --draw >> benchmarks/results/python_batch_memory.csv
 
 --draw: every member has factors of stiffness, friction and mass of its own, others at every reset. Needs the package
-installed (tools/wheel.sh). Resident memory of the process less what it had with the model loaded, in
+installed (tools/wheel.sh). Times are those of making the batch and of the last reset. Resident memory of the process less what it had with the model loaded, in
 megabytes.
 """
 
 import argparse
 import csv
 import sys
+import time
 from pathlib import Path
 
 import fork1s
@@ -31,15 +32,25 @@ def resident_mb() -> float:
 
 
 model = fork1s.load(arguments.scene)
-start = resident_mb()
+start, began = resident_mb(), time.perf_counter()
 batch = fork1s.Batch(model, arguments.count, **({"seeds": 7} if arguments.draw else {}))
+took = time.perf_counter() - began
 rows = csv.writer(sys.stdout, lineterminator="\n")
 drawn = "drawn" if arguments.draw else "none"
 if not arguments.draw:
-    rows.writerow(["members", "factors", "resets", "resident_mb"])
-rows.writerow([arguments.count, drawn, 0, round(resident_mb() - start, 1)])
+    rows.writerow(["members", "factors", "resets", "resident_mb", "us_a_member"])
+
+
+def write(resets: int, seconds: float) -> None:
+    memory, each = round(resident_mb() - start, 1), round(1e6 * seconds / arguments.count, 1)
+    rows.writerow([arguments.count, drawn, resets, memory, each])
+    sys.stdout.flush()
+
+
+write(0, took)
 for reset in range(1, max(arguments.resets) + 1):
+    began = time.perf_counter()
     batch.reset()
+    took = time.perf_counter() - began
     if reset in arguments.resets:
-        rows.writerow([arguments.count, drawn, reset, round(resident_mb() - start, 1)])
-        sys.stdout.flush()
+        write(reset, took)

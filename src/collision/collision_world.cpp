@@ -26,8 +26,8 @@ struct CollisionWorld::Detail {
   std::vector<std::pair<int, int>> excluded;  // sorted, smaller index first
   std::vector<ContactPairDef> contact_pairs;
   std::unique_ptr<internal::PairSearch> search;
-  CollisionMargins margins;
-  bool may_touch = false;  // anything may
+  CollisionMargins for_all;  // of SetMargin
+  bool may_touch = false;    // anything may
 
   // Whether `act` is true of the bodies of any two geoms that may touch; asks no more once it was.
   template <class Act>
@@ -147,21 +147,22 @@ void CollisionWorld::SetPose(int body, const RigidTransform& X_WB) {
 
 void CollisionWorld::SetMargin(double margin) {
   FORK1S_REQUIRE(margin >= 0 && std::isfinite(margin), margin);
-  detail_->margins = {margin, {}, {}, {}};
-}
-
-void CollisionWorld::SetMargins(const CollisionMargins& margins) {
-  FORK1S_REQUIRE(margins.most >= 0 && std::isfinite(margins.most), margins.most);
-  for (const std::size_t size : {margins.reach.size(), margins.reach_within.size(), margins.group.size()})
-    FORK1S_REQUIRE(size == detail_->moves.size(), size, "entries for", detail_->moves.size(), "bodies");
-  detail_->margins = margins;
+  detail_->for_all.most = margin;
 }
 
 bool CollisionWorld::Detect(std::vector<ContactPoint>& contacts) {
+  return Detect(detail_->for_all, contacts);
+}
+
+bool CollisionWorld::Detect(const CollisionMargins& margins, std::vector<ContactPoint>& contacts) {
   Detail& detail = *detail_;
+  FORK1S_REQUIRE(margins.most >= 0 && std::isfinite(margins.most), margins.most);
+  const std::size_t count = margins.reach.empty() ? 0 : detail.moves.size();
+  for (const std::size_t size : {margins.reach.size(), margins.reach_within.size(), margins.group.size()})
+    FORK1S_REQUIRE(size == count, size, "entries for", count, "bodies");
   contacts.clear();
   if (!detail.may_touch) return true;
-  return detail.search->Detect(detail.margins, contacts);
+  return detail.search->Detect(margins, contacts);
 }
 
 std::vector<std::pair<int, int>> CollisionWorld::PairsThatMayTouch() const {

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <fork1s/spatial/rigid_transform.hpp>
-#include <limits>
 #include <utility>
 
 namespace fork1s::internal {
@@ -73,20 +72,12 @@ struct Grid {
     half = Eigen::Map<const Vector3>(m->hfield_size + 4 * id);
   }
   Vector3 Point(int row, int column) const {
-    return {X(column), Y(row),
+    return {2 * half.x() * column / (columns - 1) - half.x(), 2 * half.y() * row / (rows - 1) - half.y(),
             half.z() * static_cast<double>(model->hfield_data[first + row * columns + column])};
   }
   double Highest(int row, int column) const {
     const float* at = model->hfield_data + first + row * columns + column;
     return half.z() * static_cast<double>(std::max({at[0], at[1], at[columns], at[columns + 1]}));
-  }
-  double X(int column) const { return 2 * half.x() * column / (columns - 1) - half.x(); }
-  double Y(int row) const { return 2 * half.y() * row / (rows - 1) - half.y(); }
-  // Of c from the part of a cell below its highest point; no face of it is nearer.
-  double DistanceFromCell(int row, int column, double highest, const Vector3& c) const {
-    const double x = std::max({0.0, X(column) - c.x(), c.x() - X(column + 1)}),
-                 y = std::max({0.0, Y(row) - c.y(), c.y() - Y(row + 1)}), z = std::max(0.0, c.z() - highest);
-    return std::sqrt(x * x + y * y + z * z);
   }
   Triangle Face(int row, int column, int which) const {
     const Vector3 a = Point(row, column), b = Point(row + 1, column + 1);
@@ -104,24 +95,6 @@ struct Grid {
 
 constexpr double kNear = 1e-6;  // m
 constexpr int kMost = 16;       // contacts, and faces that are told apart at once; MuJoCo has room for 50
-
-// An upper bound of the distance of the kMost nearest faces from c, where it stands above the nine cells about it: each
-// of their faces has both ends of its cell's diagonal. Infinite elsewhere.
-double DistanceOfNearestFaces(const Grid& grid, const Vector3& c) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  static_assert(2 * 9 >= kMost);
-  const auto [column, column_to] = Grid::Cells(c.x(), c.x(), grid.half.x(), grid.columns);
-  const auto [row, row_to] = Grid::Cells(c.y(), c.y(), grid.half.y(), grid.rows);
-  if (column < 1 || row < 1 || column + 1 > grid.columns - 2 || row + 1 > grid.rows - 2) return kInfinity;
-  double most = 0;
-  for (int r = row - 1; r <= row + 1; ++r)
-    for (int k = column - 1; k <= column + 1; ++k) {
-      if (c.z() <= grid.Highest(r, k)) return kInfinity;
-      most = std::max(
-          most, std::min((grid.Point(r, k) - c).squaredNorm(), (grid.Point(r + 1, k + 1) - c).squaredNorm()));
-    }
-  return std::sqrt(most) * (1 + 1e-12);
-}
 
 // Two faces that have a corner in common, each of which stands above the other's plane: what is under both is
 // held by both.
@@ -178,25 +151,18 @@ int BallOnGrid(const mjModel* model, const mjData* data, mjPreContact* contacts,
   const auto [column_from, column_to] =
       Grid::Cells(c.x() - reach, c.x() + reach, grid.half.x(), grid.columns);
   const auto [row_from, row_to] = Grid::Cells(c.y() - reach, c.y() + reach, grid.half.y(), grid.rows);
-  // Of few cells it costs more to tell which are near than to look at all.
-  constexpr int kFewCells = 16;
-  const bool are_many = (row_to - row_from + 1) * (column_to - column_from + 1) > kFewCells;
-  const double within = are_many ? std::min(reach, DistanceOfNearestFaces(grid, c)) : reach;
   NearestFaces above, below;
   Nearest right_above;
   bool is_under = false;
   for (int row = row_from; row <= row_to; ++row)
     for (int column = column_from; column <= column_to; ++column) {
-      const double highest = grid.Highest(row, column);
-      const double above_it = c.z() - highest;
-      if (above_it > 0 && (are_many ? grid.DistanceFromCell(row, column, highest, c) : above_it) > within)
-        continue;
+      if (c.z() - grid.Highest(row, column) > reach) continue;
       for (int which : {0, 1}) {
         const Triangle face = grid.Face(row, column, which);
         const Vector3 n = AreaNormal(face);
         // No point of the face is nearer than its plane.
         if (const double along = n.dot(c - face[0]);
-            along > 0 && along * along > within * within * n.squaredNorm())
+            along > 0 && along * along > reach * reach * n.squaredNorm())
           continue;
         const Vector3 up = n.normalized();
         const double height = up.dot(c - face[0]);

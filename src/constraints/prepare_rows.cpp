@@ -225,14 +225,14 @@ void RegularizedContactProblem::BeginProbe() {
   for (PairRows& pair : pairs) {
     probe_.given.push_back(PressedIn(pair).given);
     if (pair.gives_way) continue;
-    pair.R_n *= kProbe;
-    pair.R_t *= kProbe;
+    pair.R_n = pair.R_t = pair.least_R;
     ApplyPairCompliance(pair);
   }
 }
 
 void RegularizedContactProblem::EndProbe(bool solved) {
-  // Of what is not driven less than a thousandth is left, be it a million times as heavy.
+  // Pressed at the speed v by what has the inverse mass W, a pair gives v R/(R + W): less than half of v where W exceeds
+  // the compliance of hard contact.
   constexpr double kLeft = 0.5;
   std::vector<double>& given = probe_.given;
   for (std::size_t p = 0; p < pairs.size(); ++p)

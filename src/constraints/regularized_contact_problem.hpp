@@ -194,7 +194,7 @@ class RegularizedContactProblem {
   bool IsPressedIn() const;
   /// Makes these pairs stiffer. False where nothing changes.
   bool DecreaseRegularization();
-  /// Between these two calls all is nearly hard, to be solved for what presses. A pair that gives as much then is pressed by
+  /// Between these two calls contact is hard, to be solved for what presses. A pair that gives as much then is pressed by
   /// what no force holds up: it gives way, with its material's compliance. All else, the impulses included, is as before.
   /// `solved`: whether it was.
   void BeginProbe();
@@ -261,8 +261,7 @@ class RegularizedContactProblem {
   struct {  // of FindLeastByFreedoms
     std::vector<double> H, x;
   } internal_forces_;
-  static constexpr double kProbe = 1e-8;  // of R in a probe
-  struct {                                // as they were
+  struct {  // as they were
     std::vector<PairRows> pairs;
     std::vector<PointRows> points;
     std::vector<LimitRows> limits;

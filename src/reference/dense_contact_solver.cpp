@@ -13,7 +13,6 @@ namespace {
 constexpr double kRhoFactors[] = {1, 0.1, 10, 0.01, 100};
 constexpr double kTarget = 1e-12;         // residual that Newton usually reaches with one more iteration
 constexpr int kFirstSweeps = 20;          // of the first set; the next ones are twice as long each
-constexpr double kNearlyHard = 1e-8;      // of R
 constexpr int kMaxComplianceUpdates = 4;  // deeper penetration is left to the next step, which knows the load
 
 VectorX GatherImpulses(const ContactProblem& problem, const std::vector<PointConstraint>& points,
@@ -110,20 +109,19 @@ double SolveAtCompliance(const ContactProblem& problem, const std::vector<PointC
   return best_residual;
 }
 
-// Marks pairs that x presses in too deep and a solution with next to no compliance as deep: no force holds up what presses
+// Marks pairs that x presses in too deep and the solution of hard contact as deep: no force holds up what presses
 // them. Their R goes back to that before any load. False if there is none.
 bool FindDrivenPairs(const std::vector<PointConstraint>& points, const std::vector<BoundConstraint>& bounds,
                      const FullContactOptions& options, const VectorX& x, ContactProblem& problem) {
   const std::vector<double> before = DepthSpeeds(points, problem, x);
   if (std::none_of(before.begin(), before.end(), [](double speed) { return speed > 0; })) return false;
-  ContactProblem nearly_hard = problem;
-  for (double& scale : nearly_hard.pair_scale) scale *= kNearlyHard;
-  UpdateCompliance(points, options.max_relative_regularization, nearly_hard);
-  VectorX x_nearly_hard = x;
+  ContactProblem hard = problem;
+  std::fill(hard.pair_scale.begin(), hard.pair_scale.end(), 0.0);
+  UpdateCompliance(points, options.max_relative_regularization, hard);
+  VectorX x_hard = x;
   FullContactReport ignored;
-  if (SolveAtCompliance(nearly_hard, points, bounds, options, x_nearly_hard, ignored) > options.tolerance)
-    return false;
-  const std::vector<double> after = DepthSpeeds(points, nearly_hard, x_nearly_hard);
+  if (SolveAtCompliance(hard, points, bounds, options, x_hard, ignored) > options.tolerance) return false;
+  const std::vector<double> after = DepthSpeeds(points, hard, x_hard);
   bool any = false;
   for (std::size_t pair = 0; pair < before.size(); ++pair) {
     if (problem.driven_pairs[pair] || !(before[pair] > 0) || !(after[pair] > 0.5 * before[pair])) continue;

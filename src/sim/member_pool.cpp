@@ -20,12 +20,9 @@ bool HasStepModels(const Simulation::Snapshot& moment) {
 
 MemberPool::Use::Use(MemberPool& pool, std::size_t index)
     : member(pool.members_[index]), seat(pool.Acquire(*member.variant, member)) {
-  if (seat->occupant == &member && seat->version == member.version) return;
-  member.moment.made_of = seat->made_of;
-  member.moment.keyframe = seat->keyframe;
+  if (Has(*seat, member)) return;
   seat->occupant = nullptr;
-  const auto restored = seat->simulation.Restore(member.moment);
-  FORK1S_REQUIRE(restored.has_value(), restored ? "" : restored.error().Text());
+  RestoreOwn(member.moment, *seat);
   seat->occupant = &member;
   seat->version = member.version;
 }
@@ -38,6 +35,21 @@ void MemberPool::Use::Store() {
   seat->simulation.Save(member.moment);
   seat->occupant = &member;
   seat->version = member.version;
+}
+
+bool MemberPool::Has(const Seat& seat, const Member& member) {
+  return seat.occupant == &member && seat.version == member.version;
+}
+
+void MemberPool::RestoreOwn(Simulation::Snapshot& moment, Seat& seat) {
+  moment.made_of = seat.made_of;
+  moment.keyframe = seat.keyframe;
+  const auto restored = seat.simulation.Restore(moment);
+  FORK1S_REQUIRE(restored.has_value(), restored ? "" : restored.error().Text());
+}
+
+Expected<Simulation> MemberPool::MakeSimulation(const SceneFactors& factors) const {
+  return starts_.Begin({factors, VectorX::Zero(starts_.num_coordinates())});
 }
 
 std::unique_ptr<MemberPool::Seat> MemberPool::MakeSeat(Simulation simulation) {
@@ -63,7 +75,7 @@ std::unique_ptr<MemberPool::Seat> MemberPool::Acquire(Variant& variant, const Me
       return seat;
     }
   }
-  auto made = starts_.Begin({variant.factors, VectorX::Zero(starts_.num_coordinates())});
+  auto made = MakeSimulation(variant.factors);
   FORK1S_REQUIRE(made.has_value(), made ? "" : made.error().Text());  // as it was made before
   return MakeSeat(std::move(*made));
 }
@@ -76,7 +88,7 @@ Expected<std::shared_ptr<MemberPool::Variant>> MemberPool::FindOrMake(const Scen
     if (const auto at = variants_.find(key); at != variants_.end()) return at->second;
   }
   if (!begun) {
-    auto made = starts_.Begin({factors, VectorX::Zero(starts_.num_coordinates())});
+    auto made = MakeSimulation(factors);
     if (!made) return tl::unexpected(made.error());
     begun = std::move(*made);
   }
@@ -135,12 +147,9 @@ Expected<void> MemberPool::Restore(std::size_t index, const Simulation::Snapshot
     variant = std::move(own);
   } else {
     seat = Acquire(*variant, member);
-    if (!HasStepModels(next) && !(seat->occupant == &member && seat->version == member.version)) {
+    if (!HasStepModels(next) && !Has(*seat, member)) {
       Simulation::Snapshot now = member.variant == variant ? member.moment : variant->start;
-      now.made_of = seat->made_of;
-      now.keyframe = seat->keyframe;
-      const auto restored = seat->simulation.Restore(now);
-      FORK1S_REQUIRE(restored.has_value(), restored ? "" : restored.error().Text());
+      RestoreOwn(now, *seat);
     }
     // Another scene is told by its name.
     if (next.made_of && next.made_of->name == seat->made_of->name) {

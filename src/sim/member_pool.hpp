@@ -97,6 +97,12 @@ class MemberPool {
     std::unique_ptr<Seat> seat;
   };
 
+  /// Whether a seat has the state of a member.
+  static bool Has(const Seat& seat, const Member& member);
+  /// Of a member of the seat's variant, as of the scene of its world.
+  static void RestoreOwn(Simulation::Snapshot& moment, Seat& seat);
+  /// At the start of the scene, no coordinate drawn.
+  Expected<Simulation> MakeSimulation(const SceneFactors& factors) const;
   static std::unique_ptr<Seat> MakeSeat(Simulation simulation);
   static void Release(Variant& variant, std::unique_ptr<Seat> seat);
   /// A free one, that with the state of the member if there is one, or a new one.

@@ -226,7 +226,7 @@ void SanityMonitor::CheckForces(const Simulation& simulation, const Seen& seen) 
     const double force = pair.force_W.norm();
     if (force > most) most = force, strongest = key;
     if (pair.gives_way)
-      Note(kForce, 2 + force, [&] {
+      Note(kForce, 2 + force / weight_, [&] {
         return Print("at %.4g s ", simulation.time(), 0, 0) + NameOf(simulation, key.first) + " and " +
                NameOf(simulation, key.second) +
                Print(

@@ -288,6 +288,8 @@ Expected<void> World::Detail::BuildCollision(const Scene& scene, const Options& 
   for (const CollisionBodyDef& body : bodies) detection_.shapes.Add(body);
   detection_.shapes.least_size = std::min(detection_.shapes.least_size, detection_.most_margin);
   for (const CollisionBodyDef& body : bodies) detection_.poses.push_back(body.X_WB);
+  for (const CollisionBody& body : detection_.collision_bodies)
+    detection_.margins.group.push_back(body.kind == CollisionBody::Kind::kGroup ? body.index : -1);
   auto collision = CollisionWorld::Create(bodies, excluded, options.collision, scene.contact_pairs);
   if (!collision) return tl::unexpected(collision.error());
   detection_.world = std::make_unique<CollisionWorld>(std::move(*collision));

@@ -59,16 +59,13 @@ void Detection::Measure(std::size_t i, const RigidTransform& from, const RigidTr
   if (base.moves) motion.within[i] = MotionBetween(base.X * from, to, radius);
 }
 
-// What can close within a step: twice the last step's motion, what gravity adds, and what was not foreseen. What is
-// slow may be moved by what is fast.
+// What can close within a step: twice the last step's motion, what gravity adds, and what was not foreseen.
 bool Detection::Find(const Bodies& bodies, double h, const Vector3& gravity_W, bool in_stage) {
   constexpr int kWorthAThread = 100;  // some 30 us
-  constexpr double kShareOfFastest = 0.25;
   const std::size_t count = collision_bodies.size();
   motion.Reset(count);
   margins.reach.assign(count, 0.0);
   margins.reach_within.assign(count, 0.0);
-  margins.group.assign(count, -1);
   FindBases(bodies, bases);
   if (in_stage) FindBaseMotions(bodies, stage_start_bases);
   ForAll(count, kWorthAThread, [&](std::size_t i) {
@@ -85,16 +82,14 @@ bool Detection::Find(const Bodies& bodies, double h, const Vector3& gravity_W, b
     margins.reach[i] = margins.reach_within[i] = way(V);
     const MechanismDynamics* of = bodies.MechanismOf(body);
     if (of == nullptr) return;
-    margins.group[i] = body.index;
     if (!of->state().V_R.isZero(0)) margins.reach_within[i] = way(TwistWithin(of->state(), X, V));
   });
   const double unforeseen = kClearShare * shapes.least_size + gravity_W.norm() * h * h;
   const auto widen = [&](const std::vector<double>& least, const std::vector<double>& moved,
                          std::vector<double>& reach) {
-    const double share = kShareOfFastest * *std::max_element(reach.begin(), reach.end());
     for (std::size_t i = 0; i < count; ++i) {
       if (collision_bodies[i].kind != CollisionBody::Kind::kWorld)
-        reach[i] = std::max({reach[i], share, moved[i], least[i]});
+        reach[i] = std::max({reach[i], moved[i], least[i]});
       reach[i] = std::max(reach[i] + 0.5 * unforeseen, 0.5 * adhesion_reach);
     }
   };
@@ -104,8 +99,7 @@ bool Detection::Find(const Bodies& bodies, double h, const Vector3& gravity_W, b
   margins.most = std::max({adhesion_reach, LargestPair(least_reach.in_world), LargestPair(motion.in_world),
                            std::min(most_margin, unforeseen + fastest)});
   if (!std::isfinite(margins.most)) return false;
-  world->SetMargins(margins);
-  dropped = !world->Detect(points);
+  dropped = !world->Detect(margins, points);
   return true;
 }
 

@@ -153,6 +153,32 @@ TEST(SphereOnGrid, RoughGroundAgreesWithSamples) {
   EXPECT_GT(several, 10);
 }
 
+// What is told apart among the cells within a wide margin is what a narrow one finds among few.
+TEST(SphereOnGrid, WiderMargin_SameNearContacts) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> u(0, 1);
+  const HeightField field = Field([&](double, double) { return 0.02 * u(random); });
+  constexpr double kNarrow = 0.002;
+  std::size_t compared = 0;
+  for (int k = 0; k < 500; ++k) {
+    const double radius = 0.004 + 0.01 * u(random);
+    const Vector3 center(0.25 * (2 * u(random) - 1), 0.15 * (2 * u(random) - 1),
+                         0.0201 + 0.012 * u(random));  // above all
+    const auto narrow = Under(field, radius, center, kNarrow);
+    for (const double margin : {0.01, 0.02, 0.05}) {
+      auto wide = Under(field, radius, center, margin);
+      std::erase_if(wide, [](const ContactPoint& c) { return !(c.gap < kNarrow); });
+      ASSERT_EQ(wide.size(), narrow.size()) << k << ", " << margin;
+      for (std::size_t i = 0; i < narrow.size(); ++i) {
+        EXPECT_EQ(wide[i].gap, narrow[i].gap) << k << ", " << margin;
+        EXPECT_EQ(wide[i].point, narrow[i].point) << k << ", " << margin;
+      }
+      compared += narrow.size();
+    }
+  }
+  EXPECT_GT(compared, 300u);
+}
+
 // MuJoCo has room for 50 columns of a field, which are a strip under a large box.
 TEST(ShapeOnGrid, ALargeBoxRestsOnItsCorners) {
   const HeightField field = Field([](double, double) { return 0.05; });

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include "constraints/regularized_contact_problem.hpp"
 #include "problems.hpp"
 
 namespace fork1s {
@@ -71,6 +72,35 @@ TEST(Contact, DrivenPlatePressesOnBall_ImpulseOfTheMaterial) {
     EXPECT_NEAR(p.contacts[0].impulse[0], ball / kCompliance, 1e-9 * kSpeed / kCompliance) << previous;
     EXPECT_NEAR(p.contacts[1].impulse[0], (kSpeed - ball) / kCompliance, 1e-9 * kSpeed / kCompliance)
         << previous;
+  }
+}
+
+// The plate moves as freely as hard contact gives, and a little more or less.
+TEST(Contact, PlateIsDriven_WhereItMovesLessThanHardContactGives) {
+  constexpr double kMass = 0.03, kDepth = 1e-3;
+  const auto pressed = [&](double inverse_mass_of_plate) {
+    Problem p;
+    p.W = {RigidBodyW(kMass, 0.4 * kMass * 1e-4), MatrixX::Zero(6, 6)};
+    p.W[1](5, 5) = inverse_mass_of_plate;
+    p.Finish();
+    p.contacts = {TouchAt(-1, Vector3::Zero(), 0, Vector3(0, 0, -0.01), Vector3::UnitZ(), 0.5),
+                  TouchAt(0, Vector3(0, 0, 0.01), 6, Vector3(0, 0, -0.1), Vector3::UnitZ(), 0.5)};
+    for (ContactConstraint& c : p.contacts) {
+      c.compliance_normal = c.compliance_tangent = 0.01;
+      c.max_penetration_speed = kDepth;
+    }
+    p.velocity[11] = -0.15;
+    return p;
+  };
+  const Problem driven = pressed(0);
+  internal::RegularizedContactProblem rows;
+  ASSERT_TRUE(rows.Prepare(driven.blocks, driven.contacts, {0, 1}, {}, driven.velocity, 1e-3));
+  double hard = 0;
+  for (const internal::PairRows& pair : rows.pairs) hard += pair.least_R;
+  for (const double share : {0.8, 1.25}) {
+    Problem p = pressed(share * hard);
+    EXPECT_TRUE(SolveProblem(p).converged);
+    for (const ContactConstraint& c : p.contacts) EXPECT_EQ(c.gives_way, share < 1) << share;
   }
 }
 

@@ -74,6 +74,14 @@ TEST(Plausible, NamesWhatIsWedged) {
   EXPECT_NE(sentences.find("the world and 'flap' are wedged"), std::string::npos) << sentences;
 }
 
+// A spring that could part them and does not: 1e7 N on 0.1 kg.
+TEST(Plausible, NamesWhatBearsAMillionTimesItsWeight) {
+  Scene scene = Cubes({{0, JointDef::Slide("press", BodyIndex(1), Vector3::UnitY()).WithSpring(1e9, 1e6)}});
+  scene.world.push_back(Cube("wall", 0.05, Vector3(0, 0.09, 0)));
+  const std::string sentences = Watched(scene, 10);
+  EXPECT_NE(sentences.find("the contact of the world and 'press' bears"), std::string::npos) << sentences;
+}
+
 TEST(Plausible, NamesWhatOverlapsWhereThatGivesEnergy) {
   const auto finger = [](const char* name, int body) {
     return JointDef::Slide(name, BodyIndex(body), Vector3::UnitY()).WithSpring(1000, 60);

@@ -31,13 +31,6 @@ Starts StartsOf(const Model& model, const SimulationOptions& options, const Rand
   return ValueOrThrow(Starts::Create(model.scene(), options, ranges.start), model.origin());
 }
 
-// As Simulation::SetControls, of all members before the first is changed.
-void RequireFinite(const std::vector<std::string>& names, const double* controls, std::size_t members) {
-  for (std::size_t i = 0; i < members * names.size(); ++i)
-    FORK1S_REQUIRE(std::isfinite(controls[i]), "control '" + names[i % names.size()] + "' to", controls[i],
-                   "; give a finite number");
-}
-
 void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors& factors) {
   double* const all[3] = {&factors.stiffness, &factors.friction, &factors.mass};
   for (std::size_t k = 0; k < 3; ++k)
@@ -155,16 +148,20 @@ BatchReport Batch::Step(const double* controls, int steps, bool move,
   std::vector<std::optional<ControlMove>> moves(count);
   std::vector<int> made(count);
   std::vector<char> begun(count);
+  const auto of_member = [&](std::size_t i) {
+    return Eigen::Map<const VectorX>(controls + static_cast<Eigen::Index>(i) * width, width);
+  };
   WithCallMutex(mutex_, "Batch", [&] {
-    if (controls) RequireFinite(control_names_, controls, count);
+    // Before the first is changed: what SetControls refuses.
+    for (std::size_t i = 0; controls && i < count; ++i)
+      if (const auto row = of_member(i); !row.allFinite())
+        members_.Change(i, [&](Simulation& simulation) { simulation.SetControls(row); });
     OnThreads(gil, [&](int i) {
       const auto at = static_cast<std::size_t>(i);
       bool complete = false;
       members_.Change(at, [&](Simulation& simulation) {
         if (!begun[at]) {
-          if (controls)
-            simulation.SetControls(
-                Eigen::Map<const VectorX>(controls + static_cast<Eigen::Index>(i) * width, width));
+          if (controls) simulation.SetControls(of_member(at));
           if (move && steps > 0) moves[at].emplace(simulation, steps);
           begun[at] = true;
         }

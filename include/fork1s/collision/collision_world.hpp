@@ -73,10 +73,11 @@ class CollisionWorld {
   /// Gap [m] from which on Detect reports contacts; a larger one costs narrow-phase tests of pairs that only
   /// pass by.
   void SetMargin(double margin);
-  void SetMargins(const CollisionMargins& margins);
   /// Finds the contacts at the present poses. Replaces the content of `contacts`; does not allocate once
   /// `contacts` has capacity. Returns false when the detector dropped contacts for want of room.
   bool Detect(std::vector<ContactPoint>& contacts);
+  /// The same with a margin for every two bodies in place of that of SetMargin.
+  bool Detect(const CollisionMargins& margins, std::vector<ContactPoint>& contacts);
   /// Pairs of bodies of which some shapes are tested against each other, the smaller index first, sorted.
   std::vector<std::pair<int, int>> PairsThatMayTouch() const;
 
