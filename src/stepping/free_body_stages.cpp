@@ -35,6 +35,7 @@ void FreeBody::BeginStep(double b, const Vector3& gravity_W) {
 }
 
 void FreeBody::MoveToStagePose(double b) {
+  stage_.pose_velocity = velocity();
   state_.X_WB.rotation() = stage_.base.R_WB * ExpRotation(b * state_.omega_B);
   state_.X_WB.Orthonormalize();
   state_.X_WB.translation() =
@@ -174,6 +175,27 @@ double FreeBody::MoveAndComputeResidual(double b, StageMotion& moved) {
   const Vector3 residual =
       state_.X_WB.rotation().transpose() * stage_.spin_end_W - inertia_.rotational * state_.omega_B;
   return b * std::sqrt(residual.dot(InverseInertia_B() * residual) / mass);
+}
+
+FreeBody::StageChange FreeBody::ComputeStageChange(double b) {
+  const Velocity before = stage_.change;
+  stage_.change = {state_.omega_B - stage_.pose_velocity.omega_B,
+                   state_.velocity - stage_.pose_velocity.center};
+  const auto product = [&](const Velocity& v) {
+    return v.omega_B.dot(inertia_.rotational * stage_.change.omega_B) +
+           inertia_.mass * v.center.dot(stage_.change.center);
+  };
+  StageChange out;
+  out.square = product(stage_.change);
+  out.with_before = product(before);
+  out.change = b * std::sqrt(out.square / inertia_.mass);
+  return out;
+}
+
+void FreeBody::RelaxStage(double b, double share) {
+  state_.omega_B -= share * stage_.change.omega_B;
+  state_.velocity -= share * stage_.change.center;
+  MoveToStagePose(b);
 }
 
 void FreeBody::ExtrapolateStage(double b, double onward) {

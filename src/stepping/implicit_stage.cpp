@@ -199,7 +199,9 @@ void RecordStageMomenta(const StepContext& ctx, double b, double time) {
   }
   ws.stage.end.momentum_defect =
       Total(ws.stage.base) + FlattenWrench(ctx, time, impulse) - ws.stage.end.momentum.rowwise().sum();
+  ws.floating.linear_change_W = -ws.floating.stage_linear_W;
   ws.floating.stage_linear_W = LinearMomentum(ctx, ws.stage.end);
+  ws.floating.linear_change_W += ws.floating.stage_linear_W;
 }
 
 }  // namespace
@@ -261,6 +263,9 @@ StageChange ComputeStageChange(const StepContext& ctx, double b) {
   if (model.num_velocities() == 0) return out;
   ws.scratch.rhs = ws.x - ws.stage.v_k;
   out.change = Displacement(ctx, b, ws.scratch.rhs);
+  out.square = ws.scratch.rhs.dot(ws.scratch.solved);
+  if (ws.stage.change.size() == ws.x.size()) out.with_before = ws.stage.change.dot(ws.scratch.solved);
+  ws.stage.change = ws.scratch.rhs;
   ws.scratch.rhs = ws.x - ws.start.x;
   out.velocity_change = Displacement(ctx, b, ws.scratch.rhs);
   // Beside the drift of the base: what moves along with something is solved as well as what rests.
@@ -281,6 +286,13 @@ double MoveAndComputeResidual(const StepContext& ctx, double b, double time) {
   ws.scratch.rhs = ws.stage.residual;
   ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
   return b * RootOf(ws.stage.residual.dot(ws.scratch.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
+}
+
+void RelaxStage(const StepContext& ctx, double b, double time, double share) {
+  MechanismWorkspace& ws = ctx.work;
+  if (ctx.model.num_velocities() > 0) ws.x -= share * ws.stage.change;
+  ws.floating.stage_linear_W -= share * ws.floating.linear_change_W;
+  MoveToStagePose(ctx, b, time);
 }
 
 void ExtrapolateStage(const StepContext& ctx, double b, double onward) {

@@ -69,6 +69,7 @@ struct StageData {
   double time = 0;      // s, from the start of the step to the pose that it is linearized at
   VectorX v_k;          // num_velocities: the velocity that it is linearized at
   VectorX impulse;      // num_velocities: of contact and limits
+  VectorX change;       // num_velocities: by the Newton iteration at hand
   VectorX residual;     // num_velocities, N s, N m s
   VectorX x_first;      // num_velocities: of the first stage
 };
@@ -89,6 +90,7 @@ struct FloatingMotion {
   Vector3 linear_first_W = Vector3::Zero();  // after the first stage
   Vector3 stage_center_W = Vector3::Zero();  // at the end of the stage at hand
   Vector3 stage_linear_W = Vector3::Zero();
+  Vector3 linear_change_W = Vector3::Zero();  // of stage_linear_W by the Newton iteration at hand
 };
 
 /// A of (2) of implicit_stage.cpp.

@@ -124,7 +124,9 @@ void StartStageMatrix(const StepContext& ctx, double b);
 void RenewStageMatrix(const StepContext& ctx, GeometricStiffness of_parts);
 /// Of a Newton iteration [m], in the kinetic metric.
 struct StageChange : StageMotion {
-  double change = 0;  // of position, that this one makes
+  double change = 0;       // of position, that this one makes
+  double square = 0;       // of the change of velocity in the kinetic metric, kg m²/s²
+  double with_before = 0;  // its product with the change of the iteration before, likewise
 };
 /// After contact, at the pose linearized at.
 StageChange ComputeStageChange(const StepContext& ctx, double b);
@@ -134,6 +136,8 @@ double MoveAndComputeResidual(const StepContext& ctx, double b, double time);
 /// After contact, in place of MoveAndComputeResidual: the stage is solved. Moves to the pose found,
 /// `with_derivatives`: Q and Jacobians too.
 void AcceptStage(const StepContext& ctx, double b, double time, bool with_derivatives);
+/// After MoveAndComputeResidual: takes back a share of the change of velocity that the iteration made, and moves.
+void RelaxStage(const StepContext& ctx, double b, double time, double share);
 /// Forces of servos and slack springs at the end of a stage of length b [s] that was solved, and their
 /// saturation.
 void StoreActiveSetForces(const StepContext& ctx, double b);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace fork1s {
 namespace {
@@ -56,17 +57,44 @@ void Add(double residual, double tolerance, const StageMotion& moved, double len
   out.subject = subject;
 }
 
+// An iteration is near its solution where it moves nothing by more than this share of its length. Relaxed
+// farther from it, it may settle on another solution: a stiff thread half a turn from its length.
+constexpr double kNear = 1e-3;
+
+// Of two changes of velocity d₀ and d₁, whose directions oppose each other, the share w of d₁ to take back that
+// makes (1 - w) d₁ + w d₀ least: Anderson's acceleration of depth one (Walker & Ni 2011) where it interpolates. An
+// extrapolation may lead to another solution.
+void FindSwinging(const StageEnd& at, const Changes& by_last, NewtonIteration& newton) {
+  const Changes before = std::exchange(newton.changes_before, by_last);
+  newton.relaxation = 0;
+  if (at.is_first || !at.measures || before.square == 0) return;
+  if (std::max(before.share, by_last.share) > kNear || !(by_last.with_before < 0)) return;
+  if (IsSlow(by_last.ratio, before.ratio))
+    newton.relaxation =
+        (by_last.square - by_last.with_before) / (by_last.square - 2 * by_last.with_before + before.square);
+}
+
 }  // namespace
 
 StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIteration& newton) {
   const double b = at.b;
-  StageResidual bodies, changes, found;
+  StageResidual bodies, body_changes, changes, found;
+  Changes all_changes;
+  const auto add = [&](const auto& change, double length) {
+    all_changes.square += change.square;
+    all_changes.with_before += change.with_before;
+    all_changes.share = std::max(all_changes.share, change.change / std::max(length, 1e-300));
+  };
   for (std::size_t i = 0; i < all.free_bodies.size(); ++i) {
     FreeBody& body = all.free_bodies[i];
+    const FreeBody::StageChange change = body.ComputeStageChange(b);
+    const double length = std::sqrt(body.inertia().rotational.trace() / body.inertia().mass);
+    add(change, length);
     StageMotion moved;
     const double residual = body.MoveAndComputeResidual(b, moved);
-    Add(residual, at.tolerance, moved, std::sqrt(body.inertia().rotational.trace() / body.inertia().mass),
-        {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1}, bodies);
+    const StepSubject subject = {StepSubject::Kind::kFreeBody, static_cast<int>(i), -1};
+    Add(residual, at.tolerance, moved, length, subject, bodies);
+    Add(change.change, at.tolerance, moved, length, subject, body_changes);
   }
   const auto length = [&](std::size_t i) { return all.mechanisms[i].mechanism().length_scale(); };
   const auto subject = [](std::size_t i) {
@@ -76,7 +104,10 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   for (std::size_t i = 0; i < all.mechanisms.size(); ++i) {
     newton.changes[i] = ComputeStageChange(all.mechanisms[i], b);
     Add(newton.changes[i].change, at.tolerance, newton.changes[i], length(i), subject(i), changes);
+    add(newton.changes[i], length(i));
   }
+  all_changes.ratio = std::max(changes.ratio, body_changes.ratio);
+  FindSwinging(at, all_changes, newton);
   double& contraction = newton.contraction[at.scheme == StageScheme::kSecondOfTwo ? 1 : 0];
   const double next = contraction / (1 - contraction);
   if (bodies.ratio <= 1 && next * changes.ratio <= 1 && at.may_accept) {
@@ -104,6 +135,13 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   found.is_small = found.is_small && bodies.is_small;
   found.negligible = std::max(found.negligible, bodies.negligible);
   return found;
+}
+
+void RelaxSwinging(double b, double time, Bodies& all, NewtonIteration& newton) {
+  if (newton.relaxation == 0) return;
+  all.ForMechanisms([&](std::size_t i) { RelaxStage(all.mechanisms[i], b, time, newton.relaxation); });
+  for (FreeBody& body : all.free_bodies) body.RelaxStage(b, newton.relaxation);
+  newton.changes_before = {};
 }
 
 StepSubject FindSaturationChange(Bodies& bodies, double b) {

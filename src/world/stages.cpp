@@ -225,6 +225,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
                                                                 : HalvingCause::kSaturation;
     }
     if (ends) break;
+    RelaxSwinging(stage.h, time, bodies_, newton_);
     is_fresh = found.is_slow || begins_inertial;
     if (!is_fresh) continue;
     // What is compressed by its weight buckles; the last resort goes without.

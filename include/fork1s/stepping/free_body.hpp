@@ -72,6 +72,15 @@ class FreeBody {
   /// the kinetic metric. `moved`: by the stage, but for the translation that nothing makes
   /// stiff.
   double MoveAndComputeResidual(double b, StageMotion& moved);
+  /// After contact: what the Newton iteration at hand changes.
+  struct StageChange {
+    double change = 0;       // of position [m], in the kinetic metric
+    double square = 0;       // of the change of velocity in that metric, kg m²/s²
+    double with_before = 0;  // its product with the change of the iteration before, likewise
+  };
+  StageChange ComputeStageChange(double b);
+  /// After MoveAndComputeResidual: takes back a share of the change of velocity that the iteration made, and moves.
+  void RelaxStage(double b, double share);
   void ExtrapolateStage(double b, double onward);
   void EndStep(double between_stages);
   /// All that the next step depends on.
@@ -119,6 +128,8 @@ class FreeBody {
   struct Stage {
     StageBase base;
     Vector3 spin_end_W = Vector3::Zero();
+    Velocity pose_velocity;  // that led to the pose at hand
+    Velocity change;         // by the Newton iteration at hand
     Vector3 omega_B_first = Vector3::Zero(), velocity_first = Vector3::Zero();  // of the first stage
     Vector3 velocity_end = Vector3::Zero();   // that the momentum of the stage gives
     Vector3 load_moment_W = Vector3::Zero();  // at the pose that it is linearized at
