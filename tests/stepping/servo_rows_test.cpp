@@ -59,6 +59,9 @@ MechanismDef ServoArm(std::mt19937& random, const ServoDraw& drawn) {
     bound.damping = 0.02 * stiffness[at];
     bound.upper = 0.3 + 10 * unit(random) * unit(random);
     bound.lower = -bound.upper;
+    // Winches and cylinders that act one way only.
+    if (i % 3 == 1) bound.lower = 0;
+    if (i % 3 == 2) bound.upper = 0;
     def.force_limits.push_back(bound);
   }
   return def;

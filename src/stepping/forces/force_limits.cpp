@@ -194,12 +194,10 @@ void SetSideOfBoundedForce(const StepContext& ctx, std::size_t k, double impulse
     return;
   }
   const Mechanism::ForceLimit& limit = model.mechanism().force_limits()[k];
-  // That of a stiff one is known better than its rate; a bound carries the rounding of the solve.
-  constexpr double kRounding = 1e-12;
-  const double force = impulse / h;
-  state.at_bound[k] = force > limit.upper - kRounding * std::abs(limit.upper)   ? 1
-                      : force < limit.lower + kRounding * std::abs(limit.lower) ? -1
-                                                                                : 0;
+  // That of a stiff one is known better than its rate; a bound, which may be 0, carries the rounding of the solve.
+  const auto size = [](double bound) { return std::isfinite(bound) ? std::abs(bound) : 0; };
+  const double force = impulse / h, rounding = 1e-12 * std::max(size(limit.lower), size(limit.upper));
+  state.at_bound[k] = force >= limit.upper - rounding ? 1 : force <= limit.lower + rounding ? -1 : 0;
 }
 
 namespace {
