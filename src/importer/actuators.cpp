@@ -19,6 +19,10 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   c.PutLength(a.length, control);
   control.gain = input.gain;
   control.is_setpoint = input.setpoint;
+  if (input.setpoint) {
+    control.setpoint_per_unit = input.gain / -a.b1;
+    control.setpoint_rest = a.b0 / -a.b1 - a.length.at_reference;
+  }
   ControlSource& source = c.controls[mechanism].back();
   source.motor = !a.muscle && a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
   for (const auto& term : a.length.terms) source.dofs.push_back(term.first);

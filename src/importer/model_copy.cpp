@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <map>
 #include <numbers>
 #include <optional>
@@ -198,7 +199,10 @@ class ModelEditor {
     gain.resize(std::max<std::size_t>(gain.size(), 1), "1");
     bias.resize(std::max<std::size_t>(bias.size(), 3), "0");
     if (g.stiffness) {
-      gain[0] = Number(*g.stiffness);
+      // The input goes on meaning the same set-point.
+      const double before = -std::strtod(bias[1].c_str(), nullptr);
+      const double per_unit = before > 0 ? std::strtod(gain[0].c_str(), nullptr) / before : 1;
+      gain[0] = Number(per_unit * *g.stiffness);
       bias[1] = Number(-*g.stiffness);
       Set(tag, "gainprm", Joined(gain));
     }

@@ -49,6 +49,7 @@ void Hold(Conversion& c, int dof, const PdGains& gains) {
   control.terms = {{c.Freedom(dof), 1.0}};
   control.gain = gains.kp;
   control.is_setpoint = true;
+  control.setpoint_rest = rest;
   ControlSource source;
   source.dofs = {dof};
   source.pd = {{dof, rest}};

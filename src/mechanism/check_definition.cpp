@@ -314,8 +314,8 @@ Expected<void> CheckConnections(const MechanismDef& def) {
     if (!(c.lower <= c.upper))
       return Refuse(
           where, fmt::format("has limits {} to {}; the lower must not be above the upper", c.lower, c.upper));
-    if (!std::isfinite(c.gain) || !std::isfinite(c.initial))
-      return Refuse(where, "has a gain or value that is not finite");
+    if (!std::isfinite(c.gain + c.initial + c.setpoint_per_unit + c.setpoint_rest))
+      return Refuse(where, "has a gain, value or set-point of its spring that is not finite");
     if (auto ok = CheckDynamics(c, where); !ok) return ok;
   }
   if (auto ok = CheckBoundedForces(def); !ok) return ok;

@@ -43,8 +43,7 @@ double FullMechanism::StoredEnergy() const {
     const Mechanism::Control& control = m.controls()[k];
     const double u = controls(static_cast<Eigen::Index>(k));
     if (!m.HasPotential(control.length)) continue;
-    energy -= control.gain * u * Length(control.length, q_);
-    if (m.definition().controls[k].is_setpoint) energy += 0.5 * control.gain * u * u;
+    energy += m.definition().controls[k].SetPointEnergy(u) - control.gain * u * Length(control.length, q_);
   }
   // A servo at its bound F stores F times the length it is off, and not what its spring would.
   for (const Mechanism::ForceLimit& limit : m.force_limits()) {

@@ -197,7 +197,12 @@ void ApplyActuator(const Tunable& t, const ServoShare& share, const ServoShare& 
     limit->rest = now.Rest();
   }
   // A speed servo's damping is what its input is multiplied by.
-  if (stiffness ? c.is_setpoint : !c.is_setpoint && share.stiffness == 0) c.gain += more;
+  if (stiffness && c.is_setpoint) {
+    c.gain += more * c.setpoint_per_unit;
+    c.setpoint_rest = now.Rest();
+  } else if (!stiffness && !c.is_setpoint && share.stiffness == 0) {
+    c.gain += more;
+  }
   if (OnOneFreedom(c)) {
     const auto [at, arm] = c.terms[0];
     FreedomDef& f = def.joints[at.joint.u()].freedoms[static_cast<std::size_t>(at.freedom)];

@@ -159,9 +159,11 @@ class BitList {
   }
   void Add(const ControlDef& s) {
     const auto& [name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
-                 activation_lower, activation_upper, initial_activation, deactivation_time, smoothing] = s;
+                 activation_lower, activation_upper, initial_activation, deactivation_time, smoothing,
+                 setpoint_per_unit, setpoint_rest] = s;
     All(name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
-        activation_lower, activation_upper, initial_activation, deactivation_time, smoothing);
+        activation_lower, activation_upper, initial_activation, deactivation_time, smoothing,
+        setpoint_per_unit, setpoint_rest);
   }
   void Add(const MuscleDef& s) {
     const auto& [name, terms, control, force, length_lower, length_upper, range_lower, range_upper, lmin,

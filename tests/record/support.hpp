@@ -193,6 +193,8 @@ inline Scene SceneWithEverything(unsigned seed) {
     m.controls[1].dynamics = static_cast<ControlDynamics>((i + static_cast<int>(seed % 2)) % 4);
     m.controls[1].deactivation_time = random.Uniform(0.01, 1);
     m.controls[1].smoothing = random.Uniform(0, 1);
+    m.controls[0].setpoint_per_unit = random.Uniform(0.1, 3);
+    m.controls[0].setpoint_rest = random.Uniform(-1, 1);
     MuscleDef muscle;
     muscle.name = "muscle";
     muscle.terms = m.controls[0].terms;

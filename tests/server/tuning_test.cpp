@@ -24,7 +24,7 @@ constexpr const char* kArm = R"(<mujoco model="arm">
   </worldbody>
   <actuator>
     <position name="servo" joint="shoulder" gear="2" kp="20" kv="1" ctrlrange="-1 1"/>
-    <general name="drive" joint="elbow" biastype="affine" gainprm="8" biasprm="0.2 -8 -0.1" forcerange="-3 3"/>
+    <general name="drive" joint="elbow" biastype="affine" gainprm="2" biasprm="0.2 -8 -0.1" forcerange="-3 3"/>
   </actuator>
 </mujoco>)";
 
@@ -246,7 +246,7 @@ TEST(Tuning, HoldMakesPresentPositionsTheSetPoints) {
   live.Advance(kNoLimit);
   const double servo = live.simulation().controls()(0), drive = live.simulation().controls()(1);
   EXPECT_NEAR(servo, std::clamp(2 * q(0), -1.0, 1.0), 1e-9);
-  EXPECT_NEAR(8 * drive + 0.2 - 8 * q(1), 0, 1e-9);
+  EXPECT_NEAR(2 * drive + 0.2 - 8 * q(1), 0, 1e-9);
   const auto settings = nlohmann::json::parse(*live.Capture(1).settings);
   EXPECT_NEAR(settings["controls"][0], servo, 1e-9);
   LiveSimulation none = Start(Load(R"(<mujoco><worldbody><body><joint name="j" axis="0 1 0" stiffness="1"/>

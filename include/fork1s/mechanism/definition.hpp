@@ -275,6 +275,13 @@ struct ControlDef {
   double deactivation_time = 0;  // s, of a muscle whose activation falls
   double smoothing =
       0;  // of a muscle: over this range of u - a its τ goes from one to the other; 0: it jumps
+  // Of a servo: its own spring rests at the length setpoint_rest + setpoint_per_unit·u [m or rad].
+  double setpoint_per_unit = 1, setpoint_rest = 0;
+
+  /// What the spring of a servo stores more with the input u than without, at length 0 [J].
+  double SetPointEnergy(double u) const {
+    return is_setpoint ? gain * u * (setpoint_rest + 0.5 * setpoint_per_unit * u) : 0;
+  }
 };
 
 /// A muscle with the curves of MuJoCo: the force along the length ℓ is

@@ -37,8 +37,8 @@ double PotentialEnergy(const ConstStepContext& ctx, const Vector3& gravity_W) {
     const auto& control = m.controls()[i];
     if (!m.HasPotential(control.length)) continue;
     const double u = ActivationOf(state, static_cast<Eigen::Index>(i));
-    energy -= control.gain * u * LengthOf(m, control.length, c.kinematics, c.q);
-    if (m.definition().controls[i].is_setpoint) energy += 0.5 * control.gain * u * u;
+    energy += m.definition().controls[i].SetPointEnergy(u) -
+              control.gain * u * LengthOf(m, control.length, c.kinematics, c.q);
   }
   return energy;
 }
