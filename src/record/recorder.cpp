@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <chrono>
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/queries.hpp>
 #include <fork1s/sim/sensors.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <optional>
@@ -234,31 +235,17 @@ void Recorder::Detail::Open() {
 }
 
 void Recorder::Detail::CollectContacts(const Simulation& simulation) {
-  const double h = simulation.dt();
   auto& s = pending;
-  for (const ContactRecord& c : simulation.world().contacts()) {
-    if (!(c.impulse(0) > 0)) continue;
-    const Vector3 force = c.point.frame.transpose() * c.impulse / h;
-    s.contact_body_a.push_back(simulation.BodyOfCollisionBody(c.point.body_a));
-    s.contact_body_b.push_back(simulation.BodyOfCollisionBody(c.point.body_b));
+  for (const BodyContact& c : Contacts(simulation)) {
+    s.contact_body_a.push_back(c.body_a);
+    s.contact_body_b.push_back(c.body_b);
     for (int k = 0; k < 3; ++k) {
-      s.contact_point.push_back(c.point.point(k));
-      s.contact_normal.push_back(c.point.frame(0, k));
-      s.contact_force.push_back(force(k));
+      s.contact_point.push_back(c.point_W(k));
+      s.contact_normal.push_back(c.normal_W(k));
+      s.contact_force.push_back(c.force_W(k));
     }
-    s.contact_gap.push_back(c.point.gap);
+    s.contact_gap.push_back(c.gap);
     s.contact_friction.push_back(c.friction);
-  }
-  for (const FrozenContactForce& f : simulation.FrozenContactForces()) {
-    s.contact_body_a.push_back(f.body);
-    s.contact_body_b.push_back(f.held);
-    for (int k = 0; k < 3; ++k) {
-      s.contact_point.push_back(f.point_W(k));
-      s.contact_normal.push_back(f.normal_W(k));
-      s.contact_force.push_back(f.force_W(k));
-    }
-    s.contact_gap.push_back(0);
-    s.contact_friction.push_back(f.friction);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "ray_bodies.hpp"
 
@@ -54,7 +55,11 @@ Expected<void> TrySetControl(Simulation& simulation, const std::string& name, do
 
 std::vector<BodyContact> Contacts(const Simulation& simulation) {
   std::vector<BodyContact> all;
-  const auto name = [&](BodyContact& c) {
+  const auto finish = [&](BodyContact& c) {
+    if (c.body_a > c.body_b) {
+      std::swap(c.body_a, c.body_b);
+      for (Vector3* on_b : {&c.normal_W, &c.force_W, &c.moment_W, &c.pull_W}) *on_b = -*on_b;
+    }
     c.name_a = NameAt(simulation, c.body_a);
     c.name_b = NameAt(simulation, c.body_b);
   };
@@ -72,7 +77,7 @@ std::vector<BodyContact> Contacts(const Simulation& simulation) {
     c.moment_W = axes * record.moment / h;
     c.gap = record.point.gap;
     c.friction = record.friction;
-    name(c);
+    finish(c);
   }
   for (const FrozenContactForce& held : simulation.FrozenContactForces()) {
     BodyContact& c = all.emplace_back();
@@ -82,7 +87,7 @@ std::vector<BodyContact> Contacts(const Simulation& simulation) {
     c.normal_W = held.normal_W;
     c.force_W = held.force_W;
     c.friction = held.friction;
-    name(c);
+    finish(c);
   }
   return all;
 }

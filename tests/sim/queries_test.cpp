@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 #include "gripper.hpp"
@@ -47,6 +48,39 @@ TEST(Ask, ContactsHoldWhatTheyCarry) {
   // 0.1 kg at rest.
   EXPECT_NEAR(on_ball.z(), 0.1 * 9.81, 1e-6);
   EXPECT_NEAR(on_ball.x(), 0, 1e-6);
+}
+
+// Whatever shapes touch, the first body of a pair is the one that Simulation::bodies() has first.
+TEST(Ask, ContactsHaveTheirBodiesInOneOrder) {
+  Scene scene;
+  scene.world.emplace_back().shape = Box{Vector3(2, 2, 0.1)};
+  scene.world.back().X_BG = RigidTransform(Vector3(0, 0, -0.1));
+  const auto add = [&](const char* name, const Shape& shape, double z) {
+    FreeBodyDef body;
+    body.name = name;
+    body.inertia.mass = 0.2;
+    body.inertia.rotational = Vector3::Constant(1e-3).asDiagonal();
+    body.X_WB = RigidTransform(Vector3(0, 0, z));
+    body.geometries.emplace_back().shape = shape;
+    scene.free_bodies.push_back(body);
+  };
+  add("box", Box{Vector3(0.2, 0.2, 0.05)}, 0.05);
+  add("ball", Sphere{0.05}, 0.15);
+  add("plate", Box{Vector3(0.2, 0.2, 0.05)}, 0.25);
+  auto simulation = Simulation::Create(scene);
+  ASSERT_TRUE(simulation) << simulation.error().Text();
+  for (int i = 0; i < 30; ++i) simulation->Step();
+  std::map<std::pair<std::string, std::string>, Vector3> on_b;
+  for (const BodyContact& c : Contacts(*simulation)) {
+    EXPECT_LT(c.body_a, c.body_b);
+    EXPECT_GT(c.normal_W.z(), 0.9);
+    auto& sum = on_b.try_emplace({c.name_a, c.name_b}, Vector3::Zero()).first->second;
+    sum += c.force_W;
+  }
+  ASSERT_EQ(on_b.size(), 3u);
+  EXPECT_NEAR((on_b[{"world", "box"}].z()), 0.6 * 9.81, 1e-6);
+  EXPECT_NEAR((on_b[{"box", "ball"}].z()), 0.4 * 9.81, 1e-6);
+  EXPECT_NEAR((on_b[{"ball", "plate"}].z()), 0.2 * 9.81, 1e-6);
 }
 
 TEST(Ask, RaysMeetShapesWhereTheyAre) {

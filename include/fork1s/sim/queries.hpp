@@ -20,7 +20,7 @@ Expected<void> TrySetControl(Simulation& simulation, const std::string& name, do
 
 /// A contact that bears force, world axes.
 struct BodyContact {
-  int body_a = -1, body_b = -1;        // places in Simulation::bodies(); -1: the still world
+  int body_a = -1, body_b = -1;        // places in Simulation::bodies(), a before b; -1: the still world
   std::string name_a, name_b;          // "world" for the still world
   Vector3 point_W = Vector3::Zero();   // m
   Vector3 normal_W = Vector3::Zero();  // from a to b
