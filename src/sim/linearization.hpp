@@ -33,6 +33,7 @@ class Linearization {
   struct End {
     VectorX dx, outcome;
     StepReport report;
+    std::vector<std::string> stuck;  // as LinearizedStep's
   };
   // A force that the next step starts from: of a contact by its component [force; moment] in the contact's axes, or of
   // dry friction by its place among those of a mechanism.
@@ -57,11 +58,12 @@ class Linearization {
   std::vector<Force> ForcesOf(const WorldState& state) const;
   State StateAt(const Simulation::Snapshot& moment) const;
   VectorX PresentDeviation() const;
+  std::vector<std::string> StuckFrictions() const;
   VectorX VariationOf(int step) const;
   void MoveTo(const VectorX& variation);
   void Restore(const Simulation::Snapshot& moment);
   void CompareSides(Eigen::Index variable);
-  std::string WhatSwitched(const StepReport& plus, const StepReport& minus) const;
+  std::string WhatSwitched() const;
   double SizeOf(const VectorX& dx) const;
   void DifferentiateOutputs();
 

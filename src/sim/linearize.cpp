@@ -389,6 +389,25 @@ VectorX Linearization::PresentDeviation() const {
   return out;
 }
 
+// Of the step just taken.
+std::vector<std::string> Linearization::StuckFrictions() const {
+  constexpr double kRounding = 1e-6;  // share of the bound that its impulse is known by
+  std::vector<std::string> out;
+  const auto& mechanisms = simulation_.world().mechanisms();
+  if (std::all_of(mechanisms.begin(), mechanisms.end(),
+                  [](const MechanismDynamics& m) { return m.mechanism().frictions().empty(); }))
+    return out;
+  WorldState present;
+  simulation_.world().Save(present);
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const auto& frictions = mechanisms[i].mechanism().frictions();
+    for (std::size_t k = 0; k < frictions.size(); ++k)
+      if (std::abs(present.rows[i].friction_impulses[k]) < (1 - kRounding) * out_.dt * frictions[k].force)
+        out.push_back(frictions[k].name);
+  }
+  return out;
+}
+
 // By which the step starts beside x* and u*: at both sides of one variable after the other, then of all, by turns.
 VectorX Linearization::VariationOf(int step) const {
   VectorX out = VectorX::Zero(change_.size());
@@ -464,6 +483,8 @@ Expected<bool> Linearization::Advance() {
             "a step near this state is not solved ({}); shorten the time step or choose another state",
             simulation_.world().NameOf(end.report.stage_residual_of)));
   end.dx = PresentDeviation();
+  end.stuck = StuckFrictions();
+  if (taken_ == 0) out_.stuck = end.stuck;
   ++taken_;
   return true;
 }
@@ -490,8 +511,7 @@ void Linearization::CompareSides(Eigen::Index variable) {
   // What rounding leaves is no switch.
   const double bent = SizeOf(sides_[0].dx - 2 * at_rest_.dx + sides_[1].dx), moved = SizeOf(difference);
   if (bent > kSwitch * std::max(moved, kSwitch))
-    out_.switches.push_back({NameOf(variable), bent / std::max(moved, kSwitch),
-                             WhatSwitched(sides_[0].report, sides_[1].report)});
+    out_.switches.push_back({NameOf(variable), bent / std::max(moved, kSwitch), WhatSwitched()});
 }
 
 // In units of the changes, without forces.
@@ -499,21 +519,23 @@ double Linearization::SizeOf(const VectorX& dx) const {
   return dx.head(size_).cwiseQuotient(change_.head(size_)).lpNorm<Eigen::Infinity>();
 }
 
-std::string Linearization::WhatSwitched(const StepReport& plus, const StepReport& minus) const {
-  const std::pair<const char*, int (*)(const StepReport&)> counts[] = {
-      {"contacts that bear", [](const StepReport& r) { return r.solver.active; }},
-      {"contacts that slide", [](const StepReport& r) { return r.solver.sliding; }},
-      {"joint limits that act", [](const StepReport& r) { return r.limits; }},
-      {"forces at their bound", [](const StepReport& r) { return r.forces_at_bound; }},
-      {"shorter steps", [](const StepReport& r) { return r.parts; }}};
+std::string Linearization::WhatSwitched() const {
+  const std::pair<const char*, int (*)(const End&)> counts[] = {
+      {"contacts that bear", [](const End& e) { return e.report.solver.active; }},
+      {"contacts that slide", [](const End& e) { return e.report.solver.sliding; }},
+      {"joint limits that act", [](const End& e) { return e.report.limits; }},
+      {"forces at their bound", [](const End& e) { return e.report.forces_at_bound; }},
+      {"joints and tendons that dry friction holds",
+       [](const End& e) { return static_cast<int>(e.stuck.size()); }},
+      {"shorter steps", [](const End& e) { return e.report.parts; }}};
   std::string out;
   for (const auto& [what, count] : counts) {
-    const int here = count(at_rest_.report), up = count(plus), down = count(minus);
+    const int here = count(at_rest_), up = count(sides_[0]), down = count(sides_[1]);
     if (here == up && here == down) continue;
     out += fmt::format("{}{}: {}, with changes to both sides {} and {}", out.empty() ? "" : "; ", what, here,
                        up, down);
   }
-  return out;
+  return out.empty() ? "as many bear, slide, act and hold; others do, or another way" : out;
 }
 
 // C, of which rates and activations move nothing.

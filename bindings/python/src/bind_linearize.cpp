@@ -127,6 +127,10 @@ dynamics, k of them; N = 2n + k.)")
           "Columns on a switch, where a contact or stop opens, friction begins to slide, or a force meets its "
           "bound: they are the mean of both sides.")
       .def_ro(
+          "stuck", &LinearizedStep::stuck,
+          "Names of joints and tendons that their dry friction holds at x*: no small change of a control, or of "
+          "anything else, moves them.")
+      .def_ro(
           "difference", &LinearizedStep::difference,
           "Share by which the derivative along a direction through all coordinates and inputs, by two steps of its own, "
           "differs from that by A and B; nan on a switch.")

@@ -67,6 +67,9 @@ struct LinearizedStep {
         change;  // what differs from the step that is not moved: "contacts that bear: 4, with changes to both sides 3 and 4"
   };
   std::vector<Switch> switches;
+  /// Names of the dry friction of joints and tendons that holds in the step from x* with u*: no small change of anything
+  /// moves what it acts on.
+  std::vector<std::string> stuck;
   /// Share by which the derivative along a direction through all coordinates and inputs, by two steps of its
   /// own, differs from that by A and B; not a number where the state stands on a switch.
   double difference = 0;
