@@ -9,6 +9,8 @@
 #include <limits>
 #include <optional>
 
+#include "error_figure.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -150,17 +152,17 @@ void ErrorEstimate::Follow(const Simulation& simulation, const StepReport& repor
   for (std::size_t i = 0; i < v.bodies.size(); ++i) {
     BodyError& b = v.bodies[i];
     const RigidTransform pose = Pose(simulation.world(), b);
-    b.motion = std::max(b.motion, (pose.translation() - v.start[i]).norm());
+    b.motion = std::max(b.motion, internal::WayBeyondRounding(v.start[i], pose.translation()).norm());
     if (v.failed) {
       b.shown = b.shown_interior = b.shown_time = b.shown_angle = std::numeric_limits<double>::infinity();
       continue;
     }
     const RigidTransform finer = Pose(d.finer->world(), b);
-    b.time = whole * (finer.translation() - pose.translation());
+    b.time = whole * internal::WayBeyondRounding(pose.translation(), finer.translation());
     b.time_angle = whole * AngleBetween(pose, finer);
     if (d.whole_model) {
       const RigidTransform whole_model = Pose(d.whole_model->world(), b);
-      b.interior = whole_model.translation() - finer.translation();
+      b.interior = internal::WayBeyondRounding(finer.translation(), whole_model.translation());
       b.interior_angle = AngleBetween(finer, whole_model);
     }
     auto& window = v.window[i];

@@ -7,6 +7,12 @@
 
 namespace fork1s::internal {
 
+Vector3 WayBeyondRounding(const Vector3& from, const Vector3& to) {
+  constexpr double kDigits = 1e-13;  // that positions are known by
+  const Vector3 way = to - from;
+  return way.norm() > kDigits * (from.norm() + to.norm()) ? way : Vector3::Zero();
+}
+
 void ErrorFigure::BeginStep(const Simulation& simulation) {
   if (estimate_ || !values_.refused.empty()) return;
   auto made = ErrorEstimate::Create(simulation);

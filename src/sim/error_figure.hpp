@@ -11,6 +11,9 @@
 
 namespace fork1s::internal {
 
+/// to - from [m], or 0 where that is within rounding of the two positions: what turns about its origin moves by that.
+Vector3 WayBeyondRounding(const Vector3& from, const Vector3& to);
+
 class ErrorFigure {
  public:
   /// Of bodies of one name, the largest.

@@ -43,7 +43,8 @@ std::optional<std::size_t> WholeStepOf(const std::vector<AccuracyTrial>& trials)
 void SetHalfStep(const AccuracyTrial& half, AccuracyTrial& trial) {
   trial.apart = half.finite ? 0 : std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; half.finite && i < std::min(half.positions.size(), trial.positions.size()); ++i)
-    trial.apart = std::max(trial.apart, (half.positions[i] - trial.positions[i]).norm());
+    trial.apart =
+        std::max(trial.apart, internal::WayBeyondRounding(half.positions[i], trial.positions[i]).norm());
   const double fell = trial.error.time / half.error.time;
   trial.order = fell > 1 ? std::clamp(std::log2(fell), kMinErrorOrder, kMaxErrorOrder)
                          : (half.error.time > 0 ? kMinErrorOrder : kMaxErrorOrder);

@@ -103,6 +103,33 @@ TEST(ErrorFigure, BodyThatTurnsInPlaceHasAnErrorOfAngle) {
   }
 }
 
+// A pendulum whose origin lies on its hinge, away from the world's: it moves by rounding, of which nothing is a share.
+TEST(ErrorFigure, BodyThatTurnsAboutItsOriginHasNoMotion) {
+  MechanismBuilder builder("pendulum");
+  BodyDef bob;
+  bob.name = "bob";
+  bob.parent = builder.base();
+  bob.X_PB = RigidTransform(Vector3(0.7, 0, 1));
+  bob.inertia.mass = 0.1;
+  bob.inertia.center = Vector3(0.1, 0, -0.4);
+  bob.inertia.rotational = Vector3::Constant(1e-5).asDiagonal();
+  builder.AddJoint(JointDef::Hinge("hinge", builder.AddBody(bob), Vector3::UnitY()));
+  builder.SetInterfaces({"bob"});
+  Scene scene;
+  scene.mechanisms.push_back(builder.definition());
+  auto simulation = Simulation::Create(scene);
+  ASSERT_TRUE(simulation) << simulation.error().Text();
+  ErrorFigure figure;
+  for (int i = 0; i < 60; ++i) {
+    figure.BeginStep(*simulation);
+    figure.EndStep(*simulation, simulation->Step());
+  }
+  EXPECT_EQ(figure.largest().motion, 0);
+  EXPECT_EQ(figure.largest().total, 0);
+  EXPECT_GT(figure.largest().angle, 1e-5);
+  EXPECT_TRUE(figure.Warnings().empty()) << ::testing::PrintToString(figure.Warnings());
+}
+
 TEST(ErrorFigure, MomentBeforeTheFirstStepIsTheBeginning) {
   Simulation simulation = GripperInMotion();
   ErrorFigure figure;
