@@ -1,5 +1,6 @@
 #include "contact_history.hpp"
 
+#include <cmath>
 #include <limits>
 
 namespace fork1s {
@@ -48,6 +49,11 @@ const ContactRecord* ContactHistory::Before(std::size_t contact) const {
 bool ContactHistory::CarriedAtRest(std::size_t contact, double speed) const {
   const ContactRecord* before = Before(contact);
   return before && before->impulse(0) > 0 && before->end_speed > -speed;
+}
+
+bool ContactHistory::Lasts(std::size_t contact) const {
+  const ContactRecord* before = Before(contact);
+  return before && before->impulse(0) > 0 && !std::isnan(StartGap(contact));
 }
 
 double ContactHistory::StartGap(std::size_t contact) const {

@@ -29,6 +29,8 @@ struct ContactHistory {
   /// Whether a contact at hand bore a load at the end of the last step and did not only close its gap then,
   /// at this speed [m/s] or faster.
   bool CarriedAtRest(std::size_t contact, double speed) const;
+  /// In the second stage: whether a contact at hand carried load at the start of the step and in the first stage.
+  bool Lasts(std::size_t contact) const;
   /// m; NaN where a contact carried no load at the start of the step at hand.
   double StartGap(std::size_t contact) const;
   /// What turns an impulse before into one of a step of length h.

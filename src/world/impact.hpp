@@ -33,9 +33,10 @@ struct ImpactView {
   const ConstraintRows& rows;
   const Approaches& approaches;
 
-  /// Whether a contact bore a load in the last step.
+  /// Whether a contact bore a load before: in the last step; in the second stage in the first too, where one that lasts
+  /// from the start of the step may have closed a gap at any speed, which what rolls fast seems to open.
   bool CarriedLoad(std::size_t contact) const {
-    return history.CarriedAtRest(contact, approaches.carried_speed);
+    return history.CarriedAtRest(contact, approaches.carried_speed) || history.Lasts(contact);
   }
 };
 /// The contact that bore nothing yet and would close first at the speed of an impact, if all went on.

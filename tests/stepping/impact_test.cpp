@@ -44,6 +44,7 @@ struct OneContact {
     history.contacts = {before};
     history.is_fresh = {1};
     history.match = {0};
+    history.StartStep();
   }
   ImpactView At() const { return {detection, history, rows, approaches}; }
 
@@ -99,6 +100,19 @@ TEST(Impact, ForeseenIsTheFirstThatClosesAtTheSpeedOfAnImpact) {
     c.Bear(end_speed);
     EXPECT_EQ(Found(FindPredictedImpact(c.At()).of), end_speed < -1e-3) << end_speed;
   }
+}
+
+// In the second stage, of what lasts from the start of the step and was borne in the first.
+TEST(Impact, WhatLastsMayHaveClosedItsGapAtAnySpeed) {
+  OneContact c;
+  c.approaches.closing = {1};
+  c.rows.contacts[0].impulse(0) = 1;
+  c.Bear(-1);
+  EXPECT_TRUE(Found(FindImpact(c.At(), c.h)));
+  c.history.start_gap = {1e-6};
+  EXPECT_FALSE(Found(FindImpact(c.At(), c.h)));
+  c.history.contacts[0].impulse(0) = 0;
+  EXPECT_TRUE(Found(FindImpact(c.At(), c.h)));
 }
 
 TEST(Impact, WhatBearsWasMetAtSpeedOrFromAsFar) {
