@@ -96,7 +96,8 @@ methods = {
     fork1s.Simulation: dict(
         hash=lambda: sim.hash(), holding_controls=or_refused(lambda: sim.holding_controls()),
         jacobian=lambda: sim.jacobian('tip'), linearize=or_refused(lambda: sim.linearize()),
-        pose=lambda: sim.pose('tip'), push=lambda: sim.push('tip', [1, 0, 0]), ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
+        pose=lambda: sim.pose('tip'), push=lambda: sim.push('tip', [1, 0, 0]), pull=lambda: sim.pull('tip', None, [0, 0, 1], 5), release=lambda: sim.release(),
+        ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
         record=or_refused(lambda: recorded(lambda: sim.step(1))), replay=or_refused(lambda: sim.replay()),
         restore=or_refused(lambda: sim.restore(moment)), save=lambda: sim.save(),
         set_detail=or_refused(lambda: sim.set_detail('all')), set_state=or_refused(lambda: sim.set_state([.1])),

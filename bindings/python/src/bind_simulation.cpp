@@ -30,6 +30,18 @@ void PushBody(Runner& runner, const std::string& body, const nb::object& force, 
   runner.AddPush(push);
 }
 
+void PullBody(Runner& runner, const std::string& body, const nb::object& point, const nb::object& target,
+              const Real& stiffness, const std::optional<Real>& damping) {
+  const int at = runner.FindBody(body);
+  const auto point_W = point.is_none() ? std::nullopt : std::optional(ReadVector3(point, "point"));
+  runner.Pull(at, point_W, ReadVector3(target, "target"), stiffness.Read("stiffness"),
+              Read(damping, "damping"));
+}
+
+void ReleaseBody(Runner& runner, const std::optional<std::string>& body) {
+  runner.Release(body ? std::optional(runner.FindBody(*body)) : std::nullopt);
+}
+
 internal::StepTotals StepMany(Runner& runner, const Whole& steps, bool move) {
   return runner.Step(steps.Within("steps", 0), move);
 }
@@ -263,6 +275,24 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
                nb::sig("def push(self, body: str, force: numpy.typing.ArrayLike | None = None, torque: "
                        "numpy.typing.ArrayLike | None = None, point: numpy.typing.ArrayLike | None = None) "
                        "-> None"))
+          .def(
+              "pull", PullBody, nb::arg("body"), nb::arg("point").none(), nb::arg("target"),
+              nb::arg("stiffness"), nb::kw_only(), nb::arg("damping") = nb::none(),
+              "A spring with a damper from a point of a body to a target in the world, as a hand that guides it: the "
+              "force stiffness (target - x) - damping dx/dt [N] acts at the point x in all steps until `release`, or "
+              "until another call takes its place.\n\n"
+              "point: (3,) m, where it is now in the world; it then moves with the body. None: the body's origin.\n"
+              "target: (3,) m, world; it stays there until the next call.\n"
+              "stiffness: N/m, above 0. damping: N·s/m; default: critical for what the point moves.\n"
+              "The force is implicit in the step, with its stiffness: it stays calm at any stiffness and dt, where a "
+              "`push` with a computed force would not. A mechanism or free body has one: a pull on another of its "
+              "bodies ends the one before. Pulls are recorded, part of `save` and of the state, and no part of "
+              "`potential_energy`. Raises UnknownNameError, UsageError, ValueError.",
+              nb::sig("def pull(self, body: str, point: numpy.typing.ArrayLike | None, target: "
+                      "numpy.typing.ArrayLike, stiffness: float, *, damping: float | None = None) -> None"))
+          .def("release", ReleaseBody, nb::arg("body") = nb::none(),
+               "Ends the pull on a body; default: all of them. One that is not pulled stays as it is. Raises "
+               "UnknownNameError.")
           .def("set_detail", SetDetail, nb::arg("level") = nb::none(), nb::kw_only(),
                nb::arg("modes") = nb::none(), nb::arg("recovery") = nb::none(),
                "Goes on with more or less detail from the present state.\n\nlevel: 'object' (contacts that "

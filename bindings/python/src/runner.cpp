@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "errors.hpp"
+#include "sim/point_springs.hpp"
 #include "sim/restart.hpp"
 
 namespace fork1s::python {
@@ -96,6 +97,7 @@ void Runner::SetState(const KeyframeDef& state) {
   RefuseWhileRecording("set_state");
   auto next = ValueOrThrow(fork1s::internal::RestartAt(simulation_, state, model_->scene().keyframes.size()),
                            model_->origin());
+  fork1s::internal::SetPointSprings(fork1s::internal::PointSprings(simulation_), next.simulation);
   time_before_ += simulation_.time();
   simulation_ = std::move(next.simulation);
   sensors_.reset();
@@ -156,6 +158,7 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   std::vector<SensorDef> actuators = actuators_;
   Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness, actuators);
   Simulation next = ValueOrThrow(Continue(simulation_, std::move(scene)), model_->origin());
+  fork1s::internal::SetPointSprings(fork1s::internal::PointSprings(simulation_), next);
   simulation_ = std::move(next);
   actuators_ = std::move(actuators);
   sensors_.reset();
@@ -180,7 +183,9 @@ void Runner::SetDetail(std::optional<DetailLevel> level, std::optional<int> mode
   if (level) fidelity.level = *level;
   if (modes) fidelity.modes = *modes;
   if (recovery) fidelity.recovery = *recovery;
+  const auto springs = fork1s::internal::PointSprings(simulation_);
   ValueOrThrow(simulation_.SetFidelity(fidelity), model_->origin());
+  fork1s::internal::SetPointSprings(springs, simulation_);
   if (error_) error_->Restart("where the detail changed");
 }
 
@@ -275,6 +280,22 @@ void Runner::AddPush(const internal::BodyPush& push) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   pushes_.push_back(push);
+}
+
+void Runner::Pull(int body, const std::optional<Vector3>& point_W, const Vector3& target_W, double stiffness,
+                  std::optional<double> damping) {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  ValueOrThrow(fork1s::internal::Pull(body, point_W, target_W, stiffness, damping, simulation_));
+}
+
+void Runner::Release(std::optional<int> body) {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  if (body)
+    fork1s::internal::Release(*body, simulation_);
+  else
+    simulation_.ClearPointSprings();
 }
 
 int Runner::FindBody(const std::string& name) {

@@ -94,6 +94,11 @@ class Runner {
   /// s since the beginning, through all states that were set.
   double Time();
   void AddPush(const internal::BodyPush& push);
+  /// internal::Pull, until Release, through states, stiffnesses and details that are set. Throws Refused.
+  void Pull(int body, const std::optional<Vector3>& point_W, const Vector3& target_W, double stiffness,
+            std::optional<double> damping);
+  /// The pull on this body, if there is one; all of them without a body.
+  void Release(std::optional<int> body);
   /// A moment to come back to: the simulation's, the clock and the pushes of the next call.
   struct Snapshot {
     Simulation::Snapshot simulation;
