@@ -73,7 +73,7 @@ ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name
     '<sensor><jointpos name="angle" joint="elbow"/><touch name="touch" site="pad"/></sensor></mujoco>'
 ARM = ARM.replace('<joint name="elbow"', '<site name="pad" size=".1"/><joint name="elbow"')
 arm = fork1s.load(ARM)
-sim, batch = fork1s.Simulation(arm, error=True), fork1s.Batch(arm, 2, seeds=3)
+sim, batch = fork1s.Simulation(arm, error=True, watch=True), fork1s.Batch(arm, 2, seeds=3)
 moment, batch_moment = sim.save(), batch.save()
 
 def or_refused(call):

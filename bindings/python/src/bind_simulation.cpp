@@ -230,6 +230,8 @@ state of the file. recovery: 'exact', 'expanded', 'curved' or 'twist', how poses
 'parents' or 'all', which bodies may touch. integrator: 'two-stage', of second order
 (default), or 'euler', backward Euler of first order. 'twist' draws poses by one exponential a body; steps are those of 'exact'.
 error: whether `error_estimate` tells how far off it is; steps then take five times as long, nine where the reduction leaves something out.
+watch: whether `warnings` tells what steps show that no machine does (wedged bodies, energy from no source, deep overlap, bodies that are no
+interface and go into others), in the sentences of `fork1s run`; a step then takes a pass of collision detection more.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are
 those of the moment, and the caller's own. Several Python threads may use one simulation: all calls let other threads
@@ -241,14 +243,15 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "__init__",
               [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<Real>& dt,
                  const std::optional<std::string>& keyframe, const std::string& recovery,
-                 const std::string& detail, const std::optional<std::string>& integrator, bool error) {
+                 const std::string& detail, const std::optional<std::string>& integrator, bool error,
+                 bool watch) {
                 const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
                 const ReleasedGil others_run;
-                new (self) Runner(model, options, error);
+                new (self) Runner(model, options, error, watch);
               },
               nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
               nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
-              nb::arg("integrator") = nb::none(), nb::arg("error") = false)
+              nb::arg("integrator") = nb::none(), nb::arg("error") = false, nb::arg("watch") = false)
           .def(
               "step", StepMany, nb::arg("steps") = 1, nb::kw_only(), nb::arg("move") = false,
               "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
@@ -405,8 +408,9 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "joint_gap", [](Runner& r) { return r.With([](Simulation& s) { return s.JointGap(); }); },
               "Largest opening of any joint or loop [m].")
           .def_prop_ro(
-              "warnings", [](Runner& r) { return r.With([](Simulation& s) { return s.warnings(); }); },
-              "Sentences about the model's reduction and its start.")
+              "warnings", [](Runner& r) { return r.Warnings(); },
+              "Sentences about the model's reduction and its start; with watch=True about the steps since then, too, or "
+              "since `set_state` or `restore`.")
           .def(
               "hash", [](Runner& r) { return r.With([](Simulation& s) { return s.HashState(); }); },
               "64 bits over all that the next step reads, warm starts and set-points included: equal where "
