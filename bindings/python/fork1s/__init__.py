@@ -17,6 +17,7 @@ import typing as _typing
 
 from ._contacts import BATCH_CONTACT, CONTACT, RECORDED_CONTACT
 from ._core import (
+    ActuatorForces,
     Batch,
     BatchReport,
     BodyDifference,
@@ -65,6 +66,7 @@ from ._show import Page, Replay, replay, show
 from ._sweep import sweep
 
 __all__ = [
+    "ActuatorForces",
     "BATCH_CONTACT",
     "Batch",
     "BatchReport",

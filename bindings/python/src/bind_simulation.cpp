@@ -241,11 +241,12 @@ at hand.
 Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameError.)")
           .def(
               "__init__",
-              [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<Real>& dt,
+              [](Runner* self, const GivenModel& given_model, const std::optional<Real>& dt,
                  const std::optional<std::string>& keyframe, const std::string& recovery,
                  const std::string& detail, const std::optional<std::string>& integrator, bool error,
                  bool watch) {
                 const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
+                const std::shared_ptr<const Model> model = given_model.Read("model");
                 const ReleasedGil others_run;
                 new (self) Runner(model, options, error, watch);
               },
@@ -386,7 +387,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "What the sensors of the file measure at the end of the last step, by name (`Sensors`).")
           .def_prop_ro(
               "actuator_forces", [](Runner& r) { return r.ReadActuatorForces(); },
-              "What each actuator of the file gives along its length at the present state, by name (`Sensors`): "
+              "What each actuator of the file gives along its length at the present state, by name (`ActuatorForces`): "
               "N, N·m of angles, with the set-points that the last step ended with; within its bounds.")
           .def_prop_ro(
               "contacts", [](Runner& r) { return ToArray(r.With(Contacts)); },

@@ -359,10 +359,10 @@ SensorValues Runner::ReadSensors() {
   return read;
 }
 
-SensorValues Runner::ReadActuatorForces() {
+ActuatorForces Runner::ReadActuatorForces() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
-  return ValuesOf(Sensors(simulation_, actuators_));
+  return {ValuesOf(Sensors(simulation_, actuators_))};
 }
 
 int Runner::FindControl(const std::string& name) {

@@ -94,7 +94,7 @@ class Runner {
   /// At the present state.
   SensorValues ReadSensors();
   /// Of all actuators of the file, one value each.
-  SensorValues ReadActuatorForces();
+  ActuatorForces ReadActuatorForces();
   /// s since the beginning, through all states that were set.
   double Time();
   void AddPush(const internal::BodyPush& push);
