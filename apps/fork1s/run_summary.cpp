@@ -181,7 +181,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
   for (const std::string& w : simulation.warnings()) warnings.push_back(w);
   if (m.contacts_dropped) warnings.push_back("the collision detector ran out of room and dropped contacts");
   for (const std::string& w : m.implausible) warnings.push_back(w);
-  constexpr std::size_t kTold = 5;  // the deepest; the others stand in `stops_passed` and `passed_through`
+  constexpr std::size_t kTold = 5;  // the farthest; the others stand in `stops_passed`
   for (std::size_t i = 0; i < std::min(kTold, stops_passed.size()); ++i) {
     const StopPassed& s = stops_passed[i];
     warnings.push_back(fmt::format(
@@ -202,15 +202,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
                                : fmt::format("; {} more joints passed theirs (speed_limits_passed of --json)",
                                              m.speeding.size() - 1)));
   }
-  for (std::size_t i = 0; i < std::min(kTold, m.passed.size()); ++i)
-    warnings.push_back(fmt::format(
-        "'{}' is no interface body, so it touches nothing: from {:.4g} s on it went into '{}', {:.3g} mm "
-        "deep at "
-        "{:.4g} s; add it to --interface",
-        m.passed[i].body, m.passed[i].first, m.passed[i].other, 1e3 * m.passed[i].depth, m.passed[i].when));
-  if (m.passed.size() > kTold)
-    warnings.push_back(
-        fmt::format("{} more pairs of bodies passed through each other", m.passed.size() - kTold));
+  for (const std::string& w : Sentences(m.passed, "add it to --interface")) warnings.push_back(w);
   if (m.error)
     for (const std::string& w : m.error->Warnings()) warnings.push_back(w);
   if (m.failed_refreshes > 0)

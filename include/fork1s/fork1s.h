@@ -28,7 +28,7 @@ extern "C" {
 
 /* Version of this interface. It counts up by one with every function or constant that is added, which says since which
  * version it is here; what is here stays as it is within libfork1s_c.so.1. */
-#define FORK1S_C_VERSION 3
+#define FORK1S_C_VERSION 4
 
 /* FORK1S_C_VERSION of the library that is loaded: at least that of the header is needed. */
 int32_t fork1s_version(void);
@@ -180,6 +180,15 @@ fork1s_status fork1s_simulation_velocities(const fork1s_simulation* simulation, 
  * of the body that is at `point` now; NULL: its origin. `force` or `torque` may be NULL: none. Pushes add up. */
 fork1s_status fork1s_simulation_push(fork1s_simulation* simulation, int32_t body, const double force[3],
                                      const double torque[3], const double point[3]);
+/* A spring with a damper from a point of a body to `target` in the world, as a hand that guides it: the force
+ * stiffness (target - x) - damping dx/dt acts at the point x in all steps until fork1s_simulation_release or another call.
+ * point: where it is now; NULL: the body's origin. stiffness: N/m, above 0. damping: N s/m; negative: critical for what
+ * the point moves. The force is implicit in the step and calm at any stiffness. A mechanism or free body has one: the
+ * last. Part of snapshots. Since version 4. */
+fork1s_status fork1s_simulation_pull(fork1s_simulation* simulation, int32_t body, const double point[3],
+                                     const double target[3], double stiffness, double damping);
+/* Ends the pull on a body, if there is one. body -1: all of them. Since version 4. */
+fork1s_status fork1s_simulation_release(fork1s_simulation* simulation, int32_t body);
 
 /* Joints of the file that move, in its order and by MuJoCo's conventions. Positions: hinge and slide as the file counts
  * them, rad or m; ball a unit quaternion of the body relative to where its joint hangs; free the position of the body

@@ -5,10 +5,12 @@
 #include <fork1s/sim/queries.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "base/near_names.hpp"
 #include "options.hpp"
+#include "sim/point_springs.hpp"
 
 namespace fork1s::c {
 
@@ -302,5 +304,26 @@ fork1s_status fork1s_simulation_push(fork1s_simulation* simulation, int32_t body
                                     fork1s::Vector3::Zero()};
     if (point) push.point_B = run.simulation.Pose(body).inverse() * ReadVector(point, "point");
     run.pushes.push_back(push);
+  });
+}
+
+fork1s_status fork1s_simulation_pull(fork1s_simulation* simulation, int32_t body, const double point[3],
+                                     const double target[3], double stiffness, double damping) {
+  return GuardRun(__func__, simulation, [&](Run& run) {
+    RequireIndex("body", body, run.body_names.size());
+    RequireGiven(target, "target");
+    const auto point_W = point ? std::optional(ReadVector(point, "point")) : std::nullopt;
+    // A NaN is refused as such.
+    const auto given = damping < 0 ? std::nullopt : std::optional(damping);
+    ValueOrThrow(fork1s::internal::Pull(body, point_W, ReadVector(target, "target"), stiffness, given,
+                                        run.simulation));
+  });
+}
+
+fork1s_status fork1s_simulation_release(fork1s_simulation* simulation, int32_t body) {
+  return GuardRun(__func__, simulation, [&](Run& run) {
+    if (body == -1) return run.simulation.ClearPointSprings();
+    RequireIndex("body", body, run.body_names.size());
+    fork1s::internal::Release(body, run.simulation);
   });
 }

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/near_names.hpp"
+#include "sim/point_springs.hpp"
 #include "sim/restart.hpp"
 #include "simulation.hpp"
 
@@ -182,6 +183,7 @@ fork1s_status fork1s_simulation_set_joint_state(fork1s_simulation* simulation, c
     ValueOrThrow(fork1s::ApplyFileState(run.model->joints, scene, file, state));
     auto next = ValueOrThrow(fork1s::internal::RestartAt(run.simulation, state, scene.keyframes.size()),
                              run.model->origin);
+    fork1s::internal::SetPointSprings(fork1s::internal::PointSprings(run.simulation), next.simulation);
     run.time_before = run.time();
     run.simulation = std::move(next.simulation);
     run.sensors.reset();

@@ -3,20 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "diagnostics/point_response.hpp"
 #include "server/pull_spring.hpp"
 
 namespace fork1s {
-PointSpring PullSpring(const Simulation& simulation, int body, const Vector3& point_B,
-                       const Vector3& target_start_W, const Vector3& target_W, double stiffness) {
-  const SceneBody& b = simulation.bodies()[static_cast<std::size_t>(body)];
-  const World& world = simulation.world();
-  const auto index = static_cast<std::size_t>(b.mechanism < 0 ? b.index : b.mechanism);
-  const PointResponse response =
-      b.mechanism < 0 ? RespondAt(world.free_bodies()[index], point_B)
-                      : RespondAt(world.mechanisms()[index], BodyIndex(b.index), point_B, simulation.dt());
-  return {point_B, target_start_W, target_W, stiffness, CriticalDamping(response, stiffness)};
-}
 
 double SceneRadius(const Simulation& simulation) {
   Vector3 low = Vector3::Constant(1e300), high = -low;

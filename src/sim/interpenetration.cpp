@@ -1,6 +1,7 @@
 #include "sim/interpenetration.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <fork1s/collision/collision_world.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <map>
@@ -157,6 +158,26 @@ void InterpenetrationMonitor::Update(const Simulation& simulation) {
     found.depth = -p.gap;
     found.when = simulation.time();
   }
+}
+
+std::vector<std::string> Sentences(const std::vector<Interpenetration>& found, const std::string& remedy) {
+  constexpr std::size_t kTold = 5;
+  // Names of bodies are of any length.
+  const auto print = [](const char* format, double number) {
+    char text[64];
+    std::snprintf(text, sizeof text, format, number);
+    return std::string(text);
+  };
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < std::min(kTold, found.size()); ++i) {
+    const Interpenetration& one = found[i];
+    out.push_back("'" + one.body + "' is no interface body, so it touches nothing: from " +
+                  print("%.4g s", one.first) + " on it went into '" + one.other + "', " +
+                  print("%.3g mm deep at ", 1e3 * one.depth) + print("%.4g s", one.when) + "; " + remedy);
+  }
+  if (found.size() > kTold)
+    out.push_back(std::to_string(found.size() - kTold) + " more pairs of bodies passed through each other");
+  return out;
 }
 
 std::vector<Interpenetration> InterpenetrationMonitor::Found() const {

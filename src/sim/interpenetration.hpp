@@ -18,6 +18,10 @@ struct Interpenetration {
   double when = 0;    // s, of that
 };
 
+/// A sentence for each of the first, which are the deepest, and one for how many others there are. remedy: how the caller's
+/// user makes the body an interface.
+std::vector<std::string> Sentences(const std::vector<Interpenetration>& found, const std::string& remedy);
+
 /// Only interface bodies touch, which is what makes a reduced simulation fast. This looks at all bodies,
 /// beside the simulation: neighbours on a joint or loop, and what overlaps at the start, do not count.
 class InterpenetrationMonitor {

@@ -348,6 +348,50 @@ static void test_rays(void) {
   fork1s_simulation_free(s);
 }
 
+/* A ball that hangs by a spring. */
+static void test_pulls(void) {
+  const double stiffness = 50, weight = 2 * 9.81, target[3] = {0.1, 0, 1}, moved[3] = {0, 0, 2};
+  const double broken[3] = {0, NAN, 0};
+  fork1s_model* model = NULL;
+  fork1s_simulation* s = NULL;
+  fork1s_snapshot* hanging = NULL;
+  double pose[7], before[6], after[6];
+  EXPECT(fork1s_model_load_text("<mujoco><worldbody><body name='ball' pos='0 0 1'><freejoint/>"
+                                "<geom size='0.1' mass='2'/></body></worldbody></mujoco>",
+                                "ball", NULL, &model) == FORK1S_OK);
+  EXPECT(fork1s_simulation_create(model, NULL, &s) == FORK1S_OK);
+  fork1s_model_free(model);
+  EXPECT(fork1s_simulation_pull(s, 0, NULL, target, stiffness, -1) == FORK1S_OK);
+  EXPECT(fork1s_simulation_step(s, 600, FORK1S_HOLD, NULL) == FORK1S_OK);
+  EXPECT(fork1s_simulation_pose(s, 0, pose) == FORK1S_OK);
+  EXPECT(fabs(pose[0] - 0.1) < 1e-9 && fabs(pose[2] - (1 - weight / stiffness)) < 1e-9);
+  EXPECT(fork1s_simulation_save(s, &hanging) == FORK1S_OK);
+  EXPECT(fork1s_simulation_pull(s, 0, pose, moved, stiffness, 20) == FORK1S_OK);
+  EXPECT(fork1s_simulation_step(s, 600, FORK1S_HOLD, NULL) == FORK1S_OK);
+  EXPECT(fork1s_simulation_pose(s, 0, pose) == FORK1S_OK);
+  EXPECT(fabs(pose[0]) < 1e-9 && fabs(pose[2] - (2 - weight / stiffness)) < 1e-9);
+  EXPECT(fork1s_simulation_restore(s, hanging) == FORK1S_OK);
+  fork1s_snapshot_free(hanging);
+  EXPECT(fork1s_simulation_set_joint_state(s, NULL, 0, NULL, 0) == FORK1S_OK);
+  EXPECT(fork1s_simulation_step(s, 60, FORK1S_HOLD, NULL) == FORK1S_OK);
+  EXPECT(fork1s_simulation_pose(s, 0, pose) == FORK1S_OK);
+  EXPECT(fabs(pose[2] - (1 - weight / stiffness)) < 1e-9);
+  EXPECT(fork1s_simulation_velocities(s, before, 6) == FORK1S_OK);
+  EXPECT(fork1s_simulation_release(s, 0) == FORK1S_OK && fork1s_simulation_release(s, -1) == FORK1S_OK);
+  EXPECT(fork1s_simulation_step(s, 1, FORK1S_HOLD, NULL) == FORK1S_OK);
+  EXPECT(fork1s_simulation_velocities(s, after, 6) == FORK1S_OK);
+  EXPECT(fabs(after[5] - before[5] + 9.81 / 60) < 1e-6);
+
+  REFUSED(fork1s_simulation_pull(NULL, 0, NULL, target, 1, 1), "simulation is NULL");
+  REFUSED(fork1s_simulation_pull(s, 1, NULL, target, 1, 1), "body");
+  REFUSED(fork1s_simulation_pull(s, 0, NULL, NULL, 1, 1), "target is NULL");
+  REFUSED(fork1s_simulation_pull(s, 0, broken, target, 1, 1), "point must be finite, and entry 1 is nan");
+  REFUSED(fork1s_simulation_pull(s, 0, NULL, target, -1, 1), "no finite stiffness above 0");
+  REFUSED(fork1s_simulation_pull(s, 0, NULL, target, 1, NAN), "no finite damping");
+  REFUSED(fork1s_simulation_release(s, 1), "body");
+  fork1s_simulation_free(s);
+}
+
 int main(int argc, char** argv) {
   if (argc != 2) return 2;
   test_models(argv[1]);
@@ -355,6 +399,7 @@ int main(int argc, char** argv) {
   test_state(argv[1]);
   test_friction();
   test_rays();
+  test_pulls();
   if (failures > 0) fprintf(stderr, "calls.c: %d failed\n", failures);
   return failures > 0 ? 1 : 0;
 }

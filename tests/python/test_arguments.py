@@ -1,6 +1,7 @@
 """Arguments that cannot be used are refused by name: what was given, what is wanted."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -190,3 +191,30 @@ def test_a_step_under_a_force_beyond_all_bounds_leaves_a_finite_state(sim, force
             assert np.isfinite(s.poses).all() and np.isfinite(s.velocities).all()
             s.restore(moment)
     assert sim.step().finite
+
+
+@pytest.mark.parametrize(
+    "make", [fork1s.Simulation, lambda model: fork1s.Batch(model, 2)], ids=["Simulation", "Batch"]
+)
+def test_a_file_in_place_of_a_model_is_refused_with_the_call_that_reads_it(make):
+    for file in ("robot.xml", Path("robot.xml")):
+        with pytest.raises(TypeError) as told:
+            make(file)
+        assert str(told.value) == f"model must be a fork1s.Model, not {file!r}; pass fork1s.load({file!r})"
+    with pytest.raises(TypeError, match=r"not a value of type str; pass fork1s.load\(\.\.\.\)"):
+        make("<mujoco>" + 100 * " " + "</mujoco>")
+    for other in (3, 1.5):
+        with pytest.raises(TypeError, match=f"model must be a fork1s.Model, not {other}$"):
+            make(other)
+
+
+def test_what_is_read_prints_its_values(gripper):
+    sim = fork1s.Simulation(gripper)
+    sim.controls["left_grip"] = 0.3
+    sim.step(20)
+    forces = sim.actuator_forces
+    values = [f"{name}={forces[name][0]:.4g}" for name in sim.controls]
+    assert repr(forces) == f"<fork1s.ActuatorForces {' '.join(values)}>"
+    assert isinstance(forces, fork1s.ActuatorForces) and isinstance(forces, fork1s.Sensors)
+    report = fork1s.Batch(gripper, 3).step(steps=2)
+    assert repr(report) == f"<fork1s.BatchReport of 3 contacts={report.contacts.sum()} unconverged=0>"

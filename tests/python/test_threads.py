@@ -73,7 +73,7 @@ ARM = '<mujoco><worldbody><body name="base"><geom size=".1" mass="1"/><body name
     '<sensor><jointpos name="angle" joint="elbow"/><touch name="touch" site="pad"/></sensor></mujoco>'
 ARM = ARM.replace('<joint name="elbow"', '<site name="pad" size=".1"/><joint name="elbow"')
 arm = fork1s.load(ARM)
-sim, batch = fork1s.Simulation(arm, error=True), fork1s.Batch(arm, 2, seeds=3)
+sim, batch = fork1s.Simulation(arm, error=True, watch=True), fork1s.Batch(arm, 2, seeds=3)
 moment, batch_moment = sim.save(), batch.save()
 
 def or_refused(call):
@@ -96,7 +96,8 @@ methods = {
     fork1s.Simulation: dict(
         hash=lambda: sim.hash(), holding_controls=or_refused(lambda: sim.holding_controls()),
         jacobian=lambda: sim.jacobian('tip'), linearize=or_refused(lambda: sim.linearize()),
-        pose=lambda: sim.pose('tip'), push=lambda: sim.push('tip', [1, 0, 0]), ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
+        pose=lambda: sim.pose('tip'), push=lambda: sim.push('tip', [1, 0, 0]), pull=lambda: sim.pull('tip', None, [0, 0, 1], 5), release=lambda: sim.release(),
+        ray=lambda: sim.ray([0, 0, 3], [0, 0, -1]),
         record=or_refused(lambda: recorded(lambda: sim.step(1))), replay=or_refused(lambda: sim.replay()),
         restore=or_refused(lambda: sim.restore(moment)), save=lambda: sim.save(),
         set_detail=or_refused(lambda: sim.set_detail('all')), set_state=or_refused(lambda: sim.set_state([.1])),

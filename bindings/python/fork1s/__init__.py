@@ -15,8 +15,9 @@ import collections.abc as _collections_abc
 import importlib as _importlib
 import typing as _typing
 
-from ._contacts import BATCH_CONTACT, CONTACT
+from ._contacts import BATCH_CONTACT, CONTACT, RECORDED_CONTACT
 from ._core import (
+    ActuatorForces,
     Batch,
     BatchReport,
     BodyDifference,
@@ -60,10 +61,12 @@ from ._errors import (
 from ._fit import StiffnessFit, fit_stiffness
 from ._gradient import ParameterGradient, RunGradient, RunSwitch, parameter_gradient, run_gradient
 from ._load import load, scene
+from ._recording import RecordedValues, Recording, read_recording
 from ._show import Page, Replay, replay, show
 from ._sweep import sweep
 
 __all__ = [
+    "ActuatorForces",
     "BATCH_CONTACT",
     "Batch",
     "BatchReport",
@@ -88,7 +91,10 @@ __all__ = [
     "Page",
     "ParameterGradient",
     "PointStiffness",
+    "RECORDED_CONTACT",
     "RayHit",
+    "RecordedValues",
+    "Recording",
     "RecoveryBuffers",
     "Replay",
     "RunGradient",
@@ -111,6 +117,7 @@ __all__ = [
     "load",
     "mujoco_version",
     "parameter_gradient",
+    "read_recording",
     "replay",
     "run_gradient",
     "scene",

@@ -23,6 +23,15 @@ CONTACT = np.dtype(
 BATCH_CONTACT = np.dtype([("member", np.int32), *((name, CONTACT[name]) for name in CONTACT.names or ())])
 """numpy type of one row of `Batch.contacts`: the member whose contact it is, then as `CONTACT`."""
 
+RECORDED_CONTACT = np.dtype(
+    [
+        ("step", np.int64),
+        *((name, CONTACT[name]) for name in CONTACT.names or () if name not in ("torque", "pull")),
+    ]
+)
+"""numpy type of one row of `Recording.contacts`: the place of its step in `Recording.time`, then as `CONTACT`, without the
+torque and the pull of adhesion, which recordings do not have."""
+
 
 def with_members(contacts: npt.NDArray[Any], members: npt.NDArray[np.int32]) -> npt.NDArray[Any]:
     rows = np.empty(len(contacts), BATCH_CONTACT)

@@ -1,6 +1,9 @@
 #include "arguments.hpp"
 
+#include <nanobind/stl/shared_ptr.h>
+
 #include "errors.hpp"
+#include "model.hpp"
 #include "text.hpp"
 
 namespace fork1s::python {
@@ -19,6 +22,17 @@ std::string Shown(nb::handle given) {
 
 void RefuseType(const std::string& argument, const char* wanted, nb::handle given) {
   throw nb::type_error((argument + " must be " + wanted + ", not " + Shown(given)).c_str());
+}
+
+std::shared_ptr<const Model> GivenModel::Read(const std::string& argument) const {
+  std::shared_ptr<const Model> model;
+  if (nb::try_cast(given, model) && model) return model;
+  if (!nb::isinstance<nb::str>(given) && !nb::hasattr(given, "__fspath__"))
+    RefuseType(argument, "a fork1s.Model", given);
+  const std::string shown = Shown(given);
+  throw nb::type_error((argument + " must be a fork1s.Model, not " + shown + "; pass fork1s.load(" +
+                        (shown.rfind("a value", 0) == 0 ? "..." : shown) + ")")
+                           .c_str());
 }
 
 int Whole::Within(const std::string& argument, int least, int most) const {

@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -32,6 +33,14 @@ inline std::optional<double> Read(const std::optional<Real>& number, const char*
   return number->Read(argument);
 }
 
+class Model;
+/// A model, and where a file is given in its place an error that says how to read it.
+struct GivenModel {
+  nb::object given;
+  /// Throws TypeError.
+  std::shared_ptr<const Model> Read(const std::string& argument) const;
+};
+
 /// Throws TypeError. wanted: as in "a number".
 template <class T>
 T ReadAs(nb::handle given, const std::string& argument, const char* wanted) {
@@ -47,7 +56,7 @@ std::string ReadPath(nb::handle given, const char* argument);
 
 namespace nanobind::detail {
 
-// Both take anything: the function that gets it says what it is not.
+// They take anything: the function that gets it says what it is not.
 template <>
 struct type_caster<fork1s::python::Whole> {
   NB_TYPE_CASTER(fork1s::python::Whole, const_name("int"))
@@ -59,6 +68,14 @@ struct type_caster<fork1s::python::Whole> {
 template <>
 struct type_caster<fork1s::python::Real> {
   NB_TYPE_CASTER(fork1s::python::Real, const_name("float"))
+  bool from_python(handle source, std::uint32_t, cleanup_list*) noexcept {
+    value.given = borrow(source);
+    return true;
+  }
+};
+template <>
+struct type_caster<fork1s::python::GivenModel> {
+  NB_TYPE_CASTER(fork1s::python::GivenModel, const_name("Model"))
   bool from_python(handle source, std::uint32_t, cleanup_list*) noexcept {
     value.given = borrow(source);
     return true;

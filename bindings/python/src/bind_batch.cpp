@@ -7,6 +7,7 @@
 #include <nanobind/stl/vector.h>
 #include "text.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
@@ -288,7 +289,17 @@ void BindBatchReport(nb::module_& m) {
       .def_prop_ro(
           "finite", [](const BatchReport& r) { return Flags(r.finite); }, kOwn,
           "(n,) False: a step gave numbers that are not finite and was undone; reset that simulation.")
-      .def_ro("wall", &BatchReport::wall, "s that the steps took, without what Python adds to the call.");
+      .def_ro("wall", &BatchReport::wall, "s that the steps took, without what Python adds to the call.")
+      .def("__repr__", [](const BatchReport& r) {
+        const auto count = [](const auto& all, const auto& is) {
+          return std::to_string(std::count_if(all.begin(), all.end(), is));
+        };
+        const std::string broken = count(r.finite, [](char finite) { return finite == 0; });
+        return "<fork1s.BatchReport of " + std::to_string(r.finite.size()) +
+               " contacts=" + std::to_string(std::accumulate(r.contacts.begin(), r.contacts.end(), 0)) +
+               " unconverged=" + count(r.unconverged, [](int steps) { return steps > 0; }) +
+               (broken == "0" ? ">" : " NOT FINITE=" + broken + ">");
+      });
 }
 
 constexpr const char* kBatch = R"(Many simulations of one model, stepped together on threads.
@@ -330,12 +341,12 @@ void BindBatch(nb::module_& m) {
   nb::class_<Batch>(m, "Batch", kBatch)
       .def(
           "__init__",
-          [](Batch* self, const std::shared_ptr<const Model>& model, const Whole& given_count,
-             const Whole& given_threads, const nb::object& seeds, const nb::object& randomise,
-             const nb::object& stiffness, const nb::object& friction, const nb::object& mass,
-             const std::optional<Real>& dt, const std::optional<std::string>& keyframe,
-             const std::string& recovery, const std::string& detail,
-             const std::optional<std::string>& integrator) {
+          [](Batch* self, const GivenModel& given_model, const Whole& given_count, const Whole& given_threads,
+             const nb::object& seeds, const nb::object& randomise, const nb::object& stiffness,
+             const nb::object& friction, const nb::object& mass, const std::optional<Real>& dt,
+             const std::optional<std::string>& keyframe, const std::string& recovery,
+             const std::string& detail, const std::optional<std::string>& integrator) {
+            const std::shared_ptr<const Model> model = given_model.Read("model");
             constexpr int kMaxThreads = 1024;  // each takes memory of its own, and no machine has more cores
             const int count = given_count.Within("count", 1);
             const int threads = given_threads.Within("threads", 0, kMaxThreads);

@@ -87,15 +87,16 @@ void BindSimulationPickle() {
             const Runner::Content content = r.GetContent();
             const std::string bytes = WithoutGil([&] { return WriteSimulationBytes(content.simulation); });
             return Join(r.model(), ToBytes(bytes), content.time_before, content.state_change,
-                        ListOf(content.pushes), content.estimates_error);
+                        ListOf(content.pushes), content.estimates_error, content.watches);
           },
           nb::sig("def __getstate__(self) -> object"))
       .def(
           "__setstate__",
           [](Runner& r, const nb::object& state) {
-            const auto [model, bytes, time_before, state_change, pushes, estimates_error] =
-                Split<ModelPtr, nb::bytes, double, double, NumberList, bool>(state, kWhat);
-            Runner::Content content{{}, time_before, state_change, PushesOf(pushes, kWhat), estimates_error};
+            const auto [model, bytes, time_before, state_change, pushes, estimates_error, watches] =
+                Split<ModelPtr, nb::bytes, double, double, NumberList, bool, bool>(state, kWhat);
+            Runner::Content content{
+                {}, time_before, state_change, PushesOf(pushes, kWhat), estimates_error, watches};
             const std::string text = ToText(bytes);
             const ModelPtr& of = model;
             WithoutGil([&] {

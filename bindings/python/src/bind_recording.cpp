@@ -91,6 +91,15 @@ nb::object Next(Reader& reader) {
   return RecordedColumns(*part);
 }
 
+// Of every value of /steps/sensors the name of its sensor.
+std::vector<std::string> SensorOfValues(const Reader& reader) {
+  std::vector<std::string> names;
+  if (reader.header().sensor_names.empty()) return names;  // of a version without them
+  for (const SensorDef& sensor : reader.header().scene.sensors)
+    names.insert(names.end(), static_cast<std::size_t>(sensor.size), sensor.name);
+  return names;
+}
+
 std::vector<std::string> CoordinateUnits(const Reader& reader) {
   std::vector<std::string> units;
   for (const MechanismDef& mechanism : reader.header().scene.mechanisms)
@@ -230,6 +239,8 @@ void BindRecording(nb::module_& m) {
       .def_prop_ro("coordinates", [](const Reader& r) { return r.header().coordinate_names; })
       .def_prop_ro("coordinate_units", CoordinateUnits, "`rad` or `m`.")
       .def_prop_ro("sensors", [](const Reader& r) { return r.header().sensor_names; })
+      .def_prop_ro("sensor_of_values", SensorOfValues, "Of every value of sensors the name of its sensor.")
+      .def_prop_ro("finished", [](const Reader& r) { return r.header().finished; })
       .def_prop_ro(
           "initial_poses",
           [](const Reader& r) {
@@ -248,7 +259,11 @@ void BindRecording(nb::module_& m) {
       .def(
           "next", Next,
           "Dataset of docs/formats.md -> rows of the next steps, one a step or those of a table; None at the end.",
-          nb::sig("def next(self) -> dict[str, numpy.typing.NDArray[numpy.float64]] | None"));
+          nb::sig("def next(self) -> dict[str, numpy.typing.NDArray[numpy.float64]] | None"))
+      .def(
+          "no_steps", [](Reader& r) { return RecordedColumns(r.Next()); },
+          "At the end of the recording: what `next` gives, without rows.",
+          nb::sig("def no_steps(self) -> dict[str, numpy.typing.NDArray[numpy.float64]]"));
 }
 
 }  // namespace fork1s::python

@@ -4,6 +4,8 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
+#include <iomanip>
+#include <sstream>
 
 #include "arguments.hpp"
 #include "arrays.hpp"
@@ -97,6 +99,16 @@ sensor that has no value is NaN, and `missing` says why. Raises UnknownNameError
             for (const std::string& name : s.names) text += ' ' + name;
             return text + '>';
           });
+  nb::class_<ActuatorForces, SensorValues>(
+      m, "ActuatorForces",
+      "Forces of actuators by name, read-only: `sim.actuator_forces[\"grip\"]` is (1,), N or N·m. As `Sensors`.")
+      .def("__repr__", [](const ActuatorForces& s) {
+        std::ostringstream text;
+        text << std::setprecision(4) << "<fork1s.ActuatorForces";
+        for (std::size_t i = 0; i < s.names.size(); ++i)
+          text << ' ' << s.names[i] << '=' << s.values[s.first[i]];
+        return text.str() + '>';
+      });
 }
 
 }  // namespace fork1s::python

@@ -30,6 +30,18 @@ void PushBody(Runner& runner, const std::string& body, const nb::object& force, 
   runner.AddPush(push);
 }
 
+void PullBody(Runner& runner, const std::string& body, const nb::object& point, const nb::object& target,
+              const Real& stiffness, const std::optional<Real>& damping) {
+  const int at = runner.FindBody(body);
+  const auto point_W = point.is_none() ? std::nullopt : std::optional(ReadVector3(point, "point"));
+  runner.Pull(at, point_W, ReadVector3(target, "target"), stiffness.Read("stiffness"),
+              Read(damping, "damping"));
+}
+
+void ReleaseBody(Runner& runner, const std::optional<std::string>& body) {
+  runner.Release(body ? std::optional(runner.FindBody(*body)) : std::nullopt);
+}
+
 internal::StepTotals StepMany(Runner& runner, const Whole& steps, bool move) {
   return runner.Step(steps.Within("steps", 0), move);
 }
@@ -218,6 +230,8 @@ state of the file. recovery: 'exact', 'expanded', 'curved' or 'twist', how poses
 'parents' or 'all', which bodies may touch. integrator: 'two-stage', of second order
 (default), or 'euler', backward Euler of first order. 'twist' draws poses by one exponential a body; steps are those of 'exact'.
 error: whether `error_estimate` tells how far off it is; steps then take five times as long, nine where the reduction leaves something out.
+watch: whether `warnings` tells what steps show that no machine does (wedged bodies, energy from no source, deep overlap, bodies that are no
+interface and go into others), in the sentences of `fork1s run`; a step then takes a pass of collision detection more.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are
 those of the moment, and the caller's own. Several Python threads may use one simulation: all calls let other threads
@@ -227,16 +241,18 @@ at hand.
 Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameError.)")
           .def(
               "__init__",
-              [](Runner* self, const std::shared_ptr<const Model>& model, const std::optional<Real>& dt,
+              [](Runner* self, const GivenModel& given_model, const std::optional<Real>& dt,
                  const std::optional<std::string>& keyframe, const std::string& recovery,
-                 const std::string& detail, const std::optional<std::string>& integrator, bool error) {
+                 const std::string& detail, const std::optional<std::string>& integrator, bool error,
+                 bool watch) {
                 const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
+                const std::shared_ptr<const Model> model = given_model.Read("model");
                 const ReleasedGil others_run;
-                new (self) Runner(model, options, error);
+                new (self) Runner(model, options, error, watch);
               },
               nb::arg("model"), nb::kw_only(), nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(),
               nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
-              nb::arg("integrator") = nb::none(), nb::arg("error") = false)
+              nb::arg("integrator") = nb::none(), nb::arg("error") = false, nb::arg("watch") = false)
           .def(
               "step", StepMany, nb::arg("steps") = 1, nb::kw_only(), nb::arg("move") = false,
               "Advances by `steps` time steps of dt. What went wrong numerically stands in the report; the "
@@ -263,6 +279,24 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
                nb::sig("def push(self, body: str, force: numpy.typing.ArrayLike | None = None, torque: "
                        "numpy.typing.ArrayLike | None = None, point: numpy.typing.ArrayLike | None = None) "
                        "-> None"))
+          .def(
+              "pull", PullBody, nb::arg("body"), nb::arg("point").none(), nb::arg("target"),
+              nb::arg("stiffness"), nb::kw_only(), nb::arg("damping") = nb::none(),
+              "A spring with a damper from a point of a body to a target in the world, as a hand that guides it: the "
+              "force stiffness (target - x) - damping dx/dt [N] acts at the point x in all steps until `release`, or "
+              "until another call takes its place.\n\n"
+              "point: (3,) m, where it is now in the world; it then moves with the body. None: the body's origin.\n"
+              "target: (3,) m, world; it stays there until the next call.\n"
+              "stiffness: N/m, above 0. damping: N·s/m; default: critical for what the point moves.\n"
+              "The force is implicit in the step, with its stiffness: it stays calm at any stiffness and dt, where a "
+              "`push` with a computed force would not. A mechanism or free body has one: a pull on another of its "
+              "bodies ends the one before. Pulls are recorded, part of `save` and of the state, and no part of "
+              "`potential_energy`. Raises UnknownNameError, UsageError, ValueError.",
+              nb::sig("def pull(self, body: str, point: numpy.typing.ArrayLike | None, target: "
+                      "numpy.typing.ArrayLike, stiffness: float, *, damping: float | None = None) -> None"))
+          .def("release", ReleaseBody, nb::arg("body") = nb::none(),
+               "Ends the pull on a body; default: all of them. One that is not pulled stays as it is. Raises "
+               "UnknownNameError.")
           .def("set_detail", SetDetail, nb::arg("level") = nb::none(), nb::kw_only(),
                nb::arg("modes") = nb::none(), nb::arg("recovery") = nb::none(),
                "Goes on with more or less detail from the present state.\n\nlevel: 'object' (contacts that "
@@ -353,7 +387,7 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "What the sensors of the file measure at the end of the last step, by name (`Sensors`).")
           .def_prop_ro(
               "actuator_forces", [](Runner& r) { return r.ReadActuatorForces(); },
-              "What each actuator of the file gives along its length at the present state, by name (`Sensors`): "
+              "What each actuator of the file gives along its length at the present state, by name (`ActuatorForces`): "
               "N, N·m of angles, with the set-points that the last step ended with; within its bounds.")
           .def_prop_ro(
               "contacts", [](Runner& r) { return ToArray(r.With(Contacts)); },
@@ -375,8 +409,9 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               "joint_gap", [](Runner& r) { return r.With([](Simulation& s) { return s.JointGap(); }); },
               "Largest opening of any joint or loop [m].")
           .def_prop_ro(
-              "warnings", [](Runner& r) { return r.With([](Simulation& s) { return s.warnings(); }); },
-              "Sentences about the model's reduction and its start.")
+              "warnings", [](Runner& r) { return r.Warnings(); },
+              "Sentences about the model's reduction and its start; with watch=True about the steps since then, too, or "
+              "since `set_state` or `restore`.")
           .def(
               "hash", [](Runner& r) { return r.With([](Simulation& s) { return s.HashState(); }); },
               "64 bits over all that the next step reads, warm starts and set-points included: equal where "

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "errors.hpp"
+#include "sim/point_springs.hpp"
 #include "sim/restart.hpp"
 
 namespace fork1s::python {
@@ -28,12 +29,14 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& given) {
   return options;
 }
 
-Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error)
+Runner::Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error,
+               bool watches)
     : model_(std::move(model)),
       actuators_(model_->imported().actuators),
       simulation_(
           ValueOrThrow(Simulation::Create(model_->scene(), OptionsOf(*model_, options)), model_->origin())) {
   if (estimates_error) error_.emplace();
+  if (watches) watch_.emplace(simulation_);
 }
 
 Runner::Runner(std::shared_ptr<const Model> model, Content content)
@@ -46,6 +49,7 @@ Runner::Runner(std::shared_ptr<const Model> model, Content content)
       time_before_(content.time_before),
       state_change_(content.state_change) {
   ValueOrThrow(simulation_.Restore(content.simulation.snapshot), model_->origin());
+  if (content.watches) watch_.emplace(simulation_);
   if (!content.estimates_error) return;
   error_.emplace();
   if (simulation_.steps() > 0) error_->Reset("where the simulation was copied");
@@ -58,7 +62,8 @@ Runner::Content Runner::GetContent() {
           time_before_,
           state_change_,
           pushes_,
-          error_.has_value()};
+          error_.has_value(),
+          watch_.has_value()};
 }
 
 internal::StepTotals Runner::Step(int steps, bool move) {
@@ -83,6 +88,7 @@ internal::StepTotals Runner::Step(int steps, bool move) {
     if (error_) error_->BeginStep(simulation_);
     const StepReport step = controls ? controls->Step(simulation_) : simulation_.Step();
     if (error_) error_->EndStep(simulation_, step);
+    if (watch_) watch_->Update(simulation_, step, !wrenches.empty());
     report.Add(step, simulation_.world());
     if (recorder_) ValueOrThrow(recorder_->Append(simulation_, step, wrenches), recording_);
   }
@@ -96,10 +102,12 @@ void Runner::SetState(const KeyframeDef& state) {
   RefuseWhileRecording("set_state");
   auto next = ValueOrThrow(fork1s::internal::RestartAt(simulation_, state, model_->scene().keyframes.size()),
                            model_->origin());
+  fork1s::internal::SetPointSprings(fork1s::internal::PointSprings(simulation_), next.simulation);
   time_before_ += simulation_.time();
   simulation_ = std::move(next.simulation);
   sensors_.reset();
   if (error_) error_.emplace();
+  if (watch_) watch_.emplace(simulation_);
   state_change_ = next.change;
 }
 
@@ -156,10 +164,12 @@ void Runner::SetStiffness(const std::map<std::string, double>& stiffness) {
   std::vector<SensorDef> actuators = actuators_;
   Scene scene = model_->SetStiffnesses(simulation_.scene(), stiffness, actuators);
   Simulation next = ValueOrThrow(Continue(simulation_, std::move(scene)), model_->origin());
+  fork1s::internal::SetPointSprings(fork1s::internal::PointSprings(simulation_), next);
   simulation_ = std::move(next);
   actuators_ = std::move(actuators);
   sensors_.reset();
   if (error_) error_->Restart("where stiffnesses changed");
+  if (watch_) watch_->Changed(simulation_);
 }
 
 void Runner::SetNewtonTolerance(double tolerance) {
@@ -180,8 +190,11 @@ void Runner::SetDetail(std::optional<DetailLevel> level, std::optional<int> mode
   if (level) fidelity.level = *level;
   if (modes) fidelity.modes = *modes;
   if (recovery) fidelity.recovery = *recovery;
+  const auto springs = fork1s::internal::PointSprings(simulation_);
   ValueOrThrow(simulation_.SetFidelity(fidelity), model_->origin());
+  fork1s::internal::SetPointSprings(springs, simulation_);
   if (error_) error_->Restart("where the detail changed");
+  if (watch_) watch_->Changed(simulation_);
 }
 
 std::optional<ErrorFigureReport> Runner::ErrorFigureSoFar() {
@@ -189,6 +202,16 @@ std::optional<ErrorFigureReport> Runner::ErrorFigureSoFar() {
   const std::lock_guard lock(mutex_);
   if (!error_) return std::nullopt;
   return ErrorFigureReport{error_->bodies(), error_->largest(), error_->Warnings()};
+}
+
+std::vector<std::string> Runner::Warnings() {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> all = simulation_.warnings();
+  if (!watch_) return all;
+  for (std::string& sentence : watch_->Sentences("add it to interface= of load"))
+    all.push_back(std::move(sentence));
+  return all;
 }
 
 std::optional<BodyHit> Runner::Ray(const Vector3& origin, const Vector3& direction, double reach) {
@@ -258,6 +281,7 @@ void Runner::Restore(const Snapshot& snapshot) {
   ValueOrThrow(simulation_.Restore(snapshot.simulation), model_->origin());
   time_before_ = snapshot.time_before;
   pushes_ = snapshot.pushes;
+  if (watch_) watch_.emplace(simulation_);
   if (error_ && snapshot.error) {
     error_->Restore(simulation_, *snapshot.error);
   } else if (error_) {
@@ -275,6 +299,22 @@ void Runner::AddPush(const internal::BodyPush& push) {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   pushes_.push_back(push);
+}
+
+void Runner::Pull(int body, const std::optional<Vector3>& point_W, const Vector3& target_W, double stiffness,
+                  std::optional<double> damping) {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  ValueOrThrow(fork1s::internal::Pull(body, point_W, target_W, stiffness, damping, simulation_));
+}
+
+void Runner::Release(std::optional<int> body) {
+  const ReleasedGil others_run;
+  const std::lock_guard lock(mutex_);
+  if (body)
+    fork1s::internal::Release(*body, simulation_);
+  else
+    simulation_.ClearPointSprings();
 }
 
 int Runner::FindBody(const std::string& name) {
@@ -319,10 +359,10 @@ SensorValues Runner::ReadSensors() {
   return read;
 }
 
-SensorValues Runner::ReadActuatorForces() {
+ActuatorForces Runner::ReadActuatorForces() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
-  return ValuesOf(Sensors(simulation_, actuators_));
+  return {ValuesOf(Sensors(simulation_, actuators_))};
 }
 
 int Runner::FindControl(const std::string& name) {

@@ -16,6 +16,7 @@
 #include "released_gil.hpp"
 #include "sensor_values.hpp"
 #include "sim/error_figure.hpp"
+#include "sim/run_watch.hpp"
 #include "sim/step_totals.hpp"
 
 namespace fork1s::python {
@@ -44,8 +45,9 @@ SimulationOptions OptionsOf(const Model& model, const RunOptions& options);
 /// steps.
 class Runner {
  public:
-  /// estimates_error: simulations of shorter steps go beside this one, for ErrorFigureSoFar.
-  Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error = false);
+  /// estimates_error: simulations of shorter steps go beside this one, for ErrorFigureSoFar. watches: for Warnings.
+  Runner(std::shared_ptr<const Model> model, const RunOptions& options, bool estimates_error = false,
+         bool watches = false);
   ~Runner() { DropRecordingOfParent(); }
 
   /// All that a simulation goes on from, but for its recording and the simulations that estimate its errors.
@@ -53,7 +55,7 @@ class Runner {
     SimulationContent simulation;
     double time_before = 0, state_change = 0;  // s; rad or m
     std::vector<internal::BodyPush> pushes;
-    bool estimates_error = false;
+    bool estimates_error = false, watches = false;
   };
   Content GetContent();
   /// Goes on from there with the same bits. The error figure begins again, and says so. Throws Refused.
@@ -85,15 +87,22 @@ class Runner {
                  std::optional<Recovery> recovery);
   /// Of all steps since the beginning, or since SetState. None where errors are not estimated.
   std::optional<ErrorFigureReport> ErrorFigureSoFar();
+  /// Of the reduction and the start; where steps are watched, what they showed since the beginning, SetState or Restore.
+  std::vector<std::string> Warnings();
   /// The first body along a ray, world frame; none within `reach` [m].
   std::optional<BodyHit> Ray(const Vector3& origin, const Vector3& direction, double reach);
   /// At the present state.
   SensorValues ReadSensors();
   /// Of all actuators of the file, one value each.
-  SensorValues ReadActuatorForces();
+  ActuatorForces ReadActuatorForces();
   /// s since the beginning, through all states that were set.
   double Time();
   void AddPush(const internal::BodyPush& push);
+  /// internal::Pull, until Release, through states, stiffnesses and details that are set. Throws Refused.
+  void Pull(int body, const std::optional<Vector3>& point_W, const Vector3& target_W, double stiffness,
+            std::optional<double> damping);
+  /// The pull on this body, if there is one; all of them without a body.
+  void Release(std::optional<int> body);
   /// A moment to come back to: the simulation's, the clock and the pushes of the next call.
   struct Snapshot {
     Simulation::Snapshot simulation;
@@ -137,6 +146,7 @@ class Runner {
   void RefuseWhileRecording(const char* what);
   std::vector<internal::BodyPush> pushes_;
   std::optional<fork1s::internal::ErrorFigure> error_;
+  std::optional<fork1s::internal::RunWatch> watch_;
   double time_before_ = 0;   // s, of simulations that set_state replaced
   double state_change_ = 0;  // rad or m
 };

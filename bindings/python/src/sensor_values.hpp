@@ -17,4 +17,7 @@ struct SensorValues {
   std::vector<double> values;          // member after member
 };
 
+/// The same of the actuators of a simulation, one value each.
+struct ActuatorForces : SensorValues {};
+
 }  // namespace fork1s::python

@@ -1,0 +1,34 @@
+// What the command line warns of at the end of a run, for other programs that step.
+#pragma once
+
+#include <fork1s/sim/sanity_monitor.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "sim/interpenetration.hpp"
+
+namespace fork1s::internal {
+
+/// Monitors steps for implausible motion (SanityMonitor) and for bodies that pass through others because they are no
+/// interface (InterpenetrationMonitor). A step costs a pass of collision detection more.
+class RunWatch {
+ public:
+  explicit RunWatch(const Simulation& simulation);
+  /// After a step. pushed: a wrench acted in it.
+  void Update(const Simulation& simulation, const StepReport& report, bool pushed);
+  /// After a change of detail or stiffness. What was seen before stays.
+  void Changed(const Simulation& simulation);
+  /// remedy: as of Sentences of Interpenetration.
+  std::vector<std::string> Sentences(const std::string& remedy) const;
+
+ private:
+  void WatchInterior(const Simulation& simulation);
+  std::vector<Interpenetration> Passed() const;
+
+  SanityMonitor monitor_;
+  std::optional<InterpenetrationMonitor> interior_;
+  std::vector<Interpenetration> passed_;  // before the last change
+};
+
+}  // namespace fork1s::internal
