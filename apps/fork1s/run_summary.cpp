@@ -206,7 +206,7 @@ Json Summary(const Simulation& simulation, const Measured& m) {
     warnings.push_back(fmt::format(
         "'{}' is no interface body, so it touches nothing: from {:.4g} s on it went into '{}', {:.3g} mm "
         "deep at "
-        "{:.4g} s; add it to --interface",
+        "{:.4g} s; add it to --interface, or let all bodies touch by --detail all",
         m.passed[i].body, m.passed[i].first, m.passed[i].other, 1e3 * m.passed[i].depth, m.passed[i].when));
   if (m.passed.size() > kTold)
     warnings.push_back(
