@@ -35,7 +35,8 @@ void AddFreeMotions(const PosedMechanism& p, const Vector3& gravity_W, Json& out
       out["held_by_load"].push_back(m.joint(motion.joints.front()).name);
 }
 
-Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& posed) {
+Json Describe(const ModelArguments& model, const ImportedScene& imported,
+              const std::vector<PosedMechanism>& posed) {
   Json out;
   out["name"] = imported.scene.name;
   out["format"] = imported.report.format;
@@ -80,7 +81,10 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     out["free_bodies"].push_back({{"name", b.name}, {"mass_kg", b.inertia.mass}});
   out["world_geometries"] = imported.scene.world.size();
   out["keyframes"] = Json::array();
-  for (const auto& k : imported.scene.keyframes) out["keyframes"].push_back(k.name);
+  for (std::size_t k = 0; k < imported.scene.keyframes.size(); ++k)
+    if (const KeyframeDef& key = imported.scene.keyframes[k];
+        static_cast<int>(k) != imported.initial_keyframe || !model.IsMadeStart(key))
+      out["keyframes"].push_back(key.name);
   out["holds"] = Json::array();
   for (const auto& h : imported.report.holds)
     out["holds"].push_back({{"joint", h.joint}, {"held_by", h.held_by}});
@@ -159,7 +163,7 @@ void AddInspect(CLI::App& app, Action& action) {
       if (!imported) return Report(imported.error(), model->json);
       auto posed = PoseMechanisms(*imported);
       if (!posed) return Report(posed.error(), model->json);
-      const Json description = Describe(*imported, *posed);
+      const Json description = Describe(*model, *imported, *posed);
       if (model->json)
         PrintText("{}\n", ToText(description, 2));
       else

@@ -223,6 +223,17 @@ Expected<ImportOptions> ModelArguments::Options() const {
   return options;
 }
 
+std::string ModelArguments::StartText(const KeyframeDef* start) const {
+  std::string text = keyframe.empty() ? "the pose of the file" : fmt::format("keyframe '{}'", keyframe);
+  if (!base_pose.empty()) text += ", its base by --base-pose";
+  if (start == nullptr || !IsMadeStart(*start)) return text;
+  if (!coordinates.empty()) text += ", joints by --q";
+  if (hold) text += ", set-points by --hold";
+  if (coordinates.empty() && !hold)
+    text += ", joints moved inside their limits and to where they follow others";
+  return text;
+}
+
 std::vector<std::string> ModelArguments::Words() const {
   std::vector<std::string> words;
   const auto add = [&](const char* option, const std::string& value) {

@@ -193,5 +193,36 @@ TEST(Meshes, DamageIsRefusedAndNothingElseIsPrinted) {
   }
 }
 
+// A start that the importer makes of options is no keyframe of the file.
+TEST(Start, IsNamedByTheKeyframeOfTheFileAndTheOptionsThatChangeIt) {
+  const std::string arm = Write("keyed.xml", R"(<mujoco><compiler angle="radian"/><worldbody>
+    <body name="arm"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".5 0 0"/></body></worldbody>
+    <actuator><position joint="j" kp="100" kv="9"/></actuator>
+    <keyframe><key name="standing" qpos=".2"/></keyframe></mujoco>)");
+  const auto assumed = [&](const std::string& options) {
+    const Outcome o = Fork1s("run --json --steps 1 " + options + " " + arm);
+    return std::pair(o.code, o.Json()["assumed"]);
+  };
+  const std::pair<const char*, const char*> cases[] = {
+      {"--hold", "the pose of the file, set-points by --hold"},
+      {"--keyframe standing", "keyframe 'standing'"},
+      {"--keyframe standing --hold", "keyframe 'standing', set-points by --hold"},
+      {"--keyframe standing --q j=.3", "keyframe 'standing', joints by --q"}};
+  for (const auto& [options, start] : cases) {
+    const auto [code, json] = assumed(options);
+    ASSERT_EQ(code, 0);
+    EXPECT_EQ(json["start"], start);
+    if (std::string(options) == "--hold")
+      EXPECT_TRUE(json["keyframe"].is_null());
+    else
+      EXPECT_EQ(json["keyframe"], "standing");
+    const Outcome o = Fork1s("inspect --json " + std::string(options) + " " + arm);
+    EXPECT_EQ(o.Json()["keyframes"], nlohmann::json::array({"standing"})) << options;
+  }
+  EXPECT_NE(Fork1s("run --steps 1 --keyframe standing --hold " + arm)
+                .out.find("from keyframe 'standing', set-points by --hold"),
+            std::string::npos);
+}
+
 }  // namespace
 }  // namespace fork1s::test
