@@ -125,10 +125,13 @@ void ModelArguments::AddTo(CLI::App& command) {
                   "multiplies every joint spring by x, its damper by sqrt(x)")
       ->check(PositiveUpTo(kMostNumber));
   command
-      .add_option("--pd", pd,
-                  "KP,KV: PD gains for joints without a spring or actuator, in N m/rad and N m s/rad, of "
-                  "slides in N/m and N s/m; NAME=KP,KV: for one joint, in place of those, and on top of a "
-                  "spring or actuator that it has (may be repeated)")
+      .add_option(
+          "--pd", pd,
+          "KP,KV: PD gains in N m/rad and N m s/rad, of slides in N/m and N s/m, for joints without a "
+          "spring or position servo. Where a mechanism has motors, for the joints that they drive alone: "
+          "each motor gives way to a set-point, and its control is an angle or length from the start; "
+          "NAME=KP,KV: for one joint, in place of those, and on top of a "
+          "spring or actuator that it has (may be repeated)")
       ->take_all()
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");

@@ -224,5 +224,18 @@ TEST(Start, IsNamedByTheKeyframeOfTheFileAndTheOptionsThatChangeIt) {
             std::string::npos);
 }
 
+TEST(Pd, HelpSaysThatMotorsGiveWay) {
+  EXPECT_NE(Fork1s("run --help").out.find("each motor gives way"), std::string::npos);
+  const std::string arm =
+      Write("motors.xml", R"(<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+    <geom size=".1" pos=".2 0 0"/><body pos=".4 0 0"><joint name="k" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>
+    </body></body></worldbody><actuator><motor name="m" joint="j"/></actuator></mujoco>)");
+  const auto all = Fork1s("inspect --json --pd 100,2 " + arm).Json();
+  EXPECT_EQ(all["mechanisms"][0]["controls"], nlohmann::json::array({"j"}));
+  EXPECT_EQ(all["holds"][1]["held_by"], "nothing");  // 'k' has no motor
+  const auto one = Fork1s("inspect --json --pd j=100,2 " + arm).Json();
+  EXPECT_EQ(one["mechanisms"][0]["controls"], nlohmann::json::array({"m", "j"}));
+}
+
 }  // namespace
 }  // namespace fork1s::test
