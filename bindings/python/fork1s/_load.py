@@ -28,6 +28,11 @@ def scene(name: str) -> Path:
     path = folder / f"{name}.xml"
     if not path.is_file():
         there = ", ".join(sorted(p.stem for p in folder.glob("*.xml")))
+        if not there:
+            raise UnknownNameError(
+                f"there is no scene '{name}': {folder} has none, as in a build folder; install the package, or give load "
+                "the path of a model"
+            )
         raise UnknownNameError(f"there is no scene '{name}'; there are: {there}")
     return path
 
