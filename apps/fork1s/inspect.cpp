@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/reduction/free_motion.hpp>
+#include <map>
 #include <memory>
+#include <set>
 
 #include "base_text.hpp"
 #include "checks.hpp"
@@ -20,6 +22,32 @@
 namespace fork1s::app {
 namespace {
 
+// Sentences on motions without stiffness, with all six of a loose body, whose free joint is two joints, in one.
+std::vector<std::string> Sentences(const Mechanism& m, const std::vector<FreeMotion>& motions) {
+  // The free joint of which a motion moves a part, and nothing else; else empty.
+  const auto free_joint = [&](const FreeMotion& motion) -> std::string {
+    const std::string name = motion.joints.size() == 1 ? m.joint(motion.joints[0]).name : "";
+    for (const std::string end : {".position", ".rotation"})
+      if (name.ends_with(end)) return name.substr(0, name.size() - end.size());
+    return "";
+  };
+  std::map<std::string, int> count;
+  for (const FreeMotion& motion : motions) ++count[free_joint(motion)];
+  std::vector<std::string> sentences;
+  std::set<std::string> told;
+  for (const FreeMotion& motion : motions) {
+    const std::string joint = free_joint(motion);
+    if (joint.empty() || count[joint] != 6)
+      sentences.push_back(motion.Text(m));
+    else if (told.insert(joint).second)
+      sentences.push_back(fmt::format(
+          "body '{0}' is loose, free to move and turn in every direction: no spring or servo holds its free joint "
+          "'{1}'; where it is no object, hold it by PD gains, {1}.position=KP,KV and {1}.rotation=KP,KV",
+          m.body(m.joint(motion.joints[0]).body).name, joint));
+  }
+  return sentences;
+}
+
 // Motions that no spring resists: those that gravity, controls and preload resist, and those that nothing
 // does. Weight resists no motion of what falls.
 void AddFreeMotions(const PosedMechanism& p, const Vector3& gravity_W, Json& out) {
@@ -28,7 +56,7 @@ void AddFreeMotions(const PosedMechanism& p, const Vector3& gravity_W, Json& out
   const StaticsOptions loads = WeightAndControls(p, falls ? Vector3(Vector3::Zero()) : gravity_W);
   const std::vector<FreeMotion> of_springs = FindFreeMotions(m, p.q),
                                 unheld = FindFreeMotions(m, p.q, {}, &loads);
-  for (const FreeMotion& motion : unheld) out["not_held"].push_back(motion.Text(m));
+  for (const std::string& sentence : Sentences(m, unheld)) out["not_held"].push_back(sentence);
   for (const FreeMotion& motion : of_springs)
     if (std::none_of(unheld.begin(), unheld.end(),
                      [&](const FreeMotion& other) { return other.pivot == motion.pivot; }))

@@ -141,8 +141,8 @@ std::vector<std::string> InterfaceGain::Sentences() const {
   std::vector<std::string> out{fmt::format("{}; contact at {} with shapes", simulated, contact)};
   if (!without_contact.empty())
     out.push_back(
-        fmt::format("{} no interface and touch{} nothing: {}; runs with detail all, or "
-                    "interface bodies of these names, let them touch",
+        fmt::format("{} no interface and touch{} nothing: {}; name more interface "
+                    "bodies, or run with detail all",
                     without_contact.size() == 1
                         ? "one body with colliding shapes is"
                         : fmt::format("{} bodies with colliding shapes are", without_contact.size()),

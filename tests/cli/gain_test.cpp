@@ -89,6 +89,38 @@ TEST(Inspect, LoopJointsAreClosedByTheirClosure) {
   EXPECT_NE(o.out.find("the one independent joint coordinate"), std::string::npos) << o.out;
 }
 
+// A rope from the world makes a mechanism of a free body, whose six motions nothing resists.
+TEST(Inspect, ALooseBodyHasOneSentence) {
+  const auto loose = Fork1s("inspect --json " + Write("loose.xml", R"(<mujoco><worldbody>
+    <site name="w" pos="0 0 1"/><body name="load" pos="0 0 .2"><freejoint name="lf"/><geom size=".1"/><site name="s"/>
+    </body></worldbody><tendon><spatial name="rope" limited="true" range="0 1.5"><site site="w"/><site site="s"/>
+    </spatial></tendon></mujoco>)"))
+                         .Json()["not_held"];
+  ASSERT_EQ(loose.size(), 1u) << loose.dump(1);
+  const auto sentence = loose[0].get<std::string>();
+  for (const char* part : {"'load' is loose", "'lf'", "lf.position=KP,KV and lf.rotation=KP,KV"})
+    EXPECT_NE(sentence.find(part), std::string::npos) << sentence;
+}
+
+TEST(Inspect, StiffnessOfATendonHasTheUnitOfItsJoints) {
+  const auto over = [](const std::string& type) {
+    return Fork1s("inspect --json " +
+                  Write("tendon_" + type + ".xml",
+                        "<mujoco><worldbody><body><joint name='a' axis='0 1 0' type='" + type +
+                            "'/><geom size='.1'/><body pos='.4 0 0'><joint name='b' "
+                            "axis='1 0 0' type='" +
+                            type +
+                            "'/><geom size='.1'/></body></body></worldbody><tendon><fixed "
+                            "name='t'><joint joint='a' coef='1'/><joint joint='b' coef='1'/>"
+                            "</fixed></tendon><actuator><position name='p' tendon='t' "
+                            "kp='100'/></actuator></mujoco>"))
+        .Json()["holds"][0]["held_by"]
+        .get<std::string>();
+  };
+  EXPECT_EQ(over("hinge"), "actuator 'p' over 2 freedoms, 100 N·m/rad");
+  EXPECT_EQ(over("slide"), "actuator 'p' over 2 freedoms, 100 N/m");
+}
+
 TEST(Interfaces, BlanksAndCommasBothDivideNames) {
   const auto names = [](const std::string& data) {
     return Fork1s("inspect --json " + Hand(data)).Json()["mechanisms"][0]["interfaces"];
