@@ -8,7 +8,8 @@ namespace fork1s::app {
 Json GainJson(const InterfaceGain& gain) {
   Json out;
   out["coordinates"] = {{"full", gain.coordinates_full}, {"reduced", gain.coordinates}};
-  out["bodies"] = {{"with_shapes", gain.shaped}, {"interface", gain.touching}};
+  out["bodies"] = {
+      {"with_shapes", gain.shaped}, {"interface", gain.touching}, {"without_contact", gain.without_contact}};
   out["fastest_hz"] = gain.fastest_hz > 0 ? Json(gain.fastest_hz) : Json(nullptr);
   out["explicit_step_s"] = gain.explicit_step_s > 0 ? Json(gain.explicit_step_s) : Json(nullptr);
   out["fewer"] = Json::array();

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/reduction/free_motion.hpp>
+#include <map>
 #include <memory>
+#include <set>
 
 #include "base_text.hpp"
 #include "checks.hpp"
@@ -20,6 +22,32 @@
 namespace fork1s::app {
 namespace {
 
+// Sentences on motions without stiffness, with all six of a loose body, whose free joint is two joints, in one.
+std::vector<std::string> Sentences(const Mechanism& m, const std::vector<FreeMotion>& motions) {
+  // The free joint of which a motion moves a part, and nothing else; else empty.
+  const auto free_joint = [&](const FreeMotion& motion) -> std::string {
+    const std::string name = motion.joints.size() == 1 ? m.joint(motion.joints[0]).name : "";
+    for (const std::string end : {".position", ".rotation"})
+      if (name.ends_with(end)) return name.substr(0, name.size() - end.size());
+    return "";
+  };
+  std::map<std::string, int> count;
+  for (const FreeMotion& motion : motions) ++count[free_joint(motion)];
+  std::vector<std::string> sentences;
+  std::set<std::string> told;
+  for (const FreeMotion& motion : motions) {
+    const std::string joint = free_joint(motion);
+    if (joint.empty() || count[joint] != 6)
+      sentences.push_back(motion.Text(m));
+    else if (told.insert(joint).second)
+      sentences.push_back(fmt::format(
+          "body '{0}' is loose, free to move and turn in every direction: no spring or servo holds its free joint "
+          "'{1}'; where it is no object, hold it by PD gains, {1}.position=KP,KV and {1}.rotation=KP,KV",
+          m.body(m.joint(motion.joints[0]).body).name, joint));
+  }
+  return sentences;
+}
+
 // Motions that no spring resists: those that gravity, controls and preload resist, and those that nothing
 // does. Weight resists no motion of what falls.
 void AddFreeMotions(const PosedMechanism& p, const Vector3& gravity_W, Json& out) {
@@ -28,14 +56,15 @@ void AddFreeMotions(const PosedMechanism& p, const Vector3& gravity_W, Json& out
   const StaticsOptions loads = WeightAndControls(p, falls ? Vector3(Vector3::Zero()) : gravity_W);
   const std::vector<FreeMotion> of_springs = FindFreeMotions(m, p.q),
                                 unheld = FindFreeMotions(m, p.q, {}, &loads);
-  for (const FreeMotion& motion : unheld) out["not_held"].push_back(motion.Text(m));
+  for (const std::string& sentence : Sentences(m, unheld)) out["not_held"].push_back(sentence);
   for (const FreeMotion& motion : of_springs)
     if (std::none_of(unheld.begin(), unheld.end(),
                      [&](const FreeMotion& other) { return other.pivot == motion.pivot; }))
       out["held_by_load"].push_back(m.joint(motion.joints.front()).name);
 }
 
-Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& posed) {
+Json Describe(const ModelArguments& model, const ImportedScene& imported,
+              const std::vector<PosedMechanism>& posed) {
   Json out;
   out["name"] = imported.scene.name;
   out["format"] = imported.report.format;
@@ -80,7 +109,10 @@ Json Describe(const ImportedScene& imported, const std::vector<PosedMechanism>& 
     out["free_bodies"].push_back({{"name", b.name}, {"mass_kg", b.inertia.mass}});
   out["world_geometries"] = imported.scene.world.size();
   out["keyframes"] = Json::array();
-  for (const auto& k : imported.scene.keyframes) out["keyframes"].push_back(k.name);
+  for (std::size_t k = 0; k < imported.scene.keyframes.size(); ++k)
+    if (const KeyframeDef& key = imported.scene.keyframes[k];
+        static_cast<int>(k) != imported.initial_keyframe || !model.IsMadeStart(key))
+      out["keyframes"].push_back(key.name);
   out["holds"] = Json::array();
   for (const auto& h : imported.report.holds)
     out["holds"].push_back({{"joint", h.joint}, {"held_by", h.held_by}});
@@ -159,7 +191,7 @@ void AddInspect(CLI::App& app, Action& action) {
       if (!imported) return Report(imported.error(), model->json);
       auto posed = PoseMechanisms(*imported);
       if (!posed) return Report(posed.error(), model->json);
-      const Json description = Describe(*imported, *posed);
+      const Json description = Describe(*model, *imported, *posed);
       if (model->json)
         PrintText("{}\n", ToText(description, 2));
       else

@@ -125,10 +125,13 @@ void ModelArguments::AddTo(CLI::App& command) {
                   "multiplies every joint spring by x, its damper by sqrt(x)")
       ->check(PositiveUpTo(kMostNumber));
   command
-      .add_option("--pd", pd,
-                  "KP,KV: PD gains for joints without a spring or actuator, in N m/rad and N m s/rad, of "
-                  "slides in N/m and N s/m; NAME=KP,KV: for one joint, in place of those, and on top of a "
-                  "spring or actuator that it has (may be repeated)")
+      .add_option(
+          "--pd", pd,
+          "KP,KV: PD gains in N m/rad and N m s/rad, of slides in N/m and N s/m, for joints without a "
+          "spring or position servo. Where a mechanism has motors, for the joints that they drive alone: "
+          "each motor gives way to a set-point, and its control is an angle or length from the start; "
+          "NAME=KP,KV: for one joint, in place of those, and on top of a "
+          "spring or actuator that it has (may be repeated)")
       ->take_all()
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");
@@ -221,6 +224,17 @@ Expected<ImportOptions> ModelArguments::Options() const {
   }
   if (auto ok = ReadStart(options); !ok) return tl::unexpected(ok.error());
   return options;
+}
+
+std::string ModelArguments::StartText(const KeyframeDef* start) const {
+  std::string text = keyframe.empty() ? "the pose of the file" : fmt::format("keyframe '{}'", keyframe);
+  if (!base_pose.empty()) text += ", its base by --base-pose";
+  if (start == nullptr || !IsMadeStart(*start)) return text;
+  if (!coordinates.empty()) text += ", joints by --q";
+  if (hold) text += ", set-points by --hold";
+  if (coordinates.empty() && !hold)
+    text += ", joints moved inside their limits and to where they follow others";
+  return text;
 }
 
 std::vector<std::string> ModelArguments::Words() const {

@@ -44,6 +44,11 @@ struct ModelArguments {
   /// ShareWithMuJoCo of the model with these options.
   Expected<SharedModel> ShareWithMuJoCo(ImportedScene imported) const;
   Expected<ImportOptions> Options() const;
+  /// Whether the keyframe is a start that the importer made of the options or of limits and loops, and so none
+  /// of the file.
+  bool IsMadeStart(const KeyframeDef& start) const { return start.name != keyframe; }
+  /// "keyframe 'home', set-points by --hold". `start`: the initial keyframe, null for none.
+  std::string StartText(const KeyframeDef* start) const;
   /// The words of a command line that AddTo reads as these arguments, the model last.
   std::vector<std::string> Words() const;
 

@@ -118,7 +118,7 @@ Expected<Json> ReduceOne(const PosedMechanism& posed, const Scene& scene, OnFree
     warnings.push_back(
         fmt::format("the equilibrium under gravity, controls and preload is unstable (lowest eigenvalue of "
                     "its stiffness {:.4g} "
-                    "N m): it has no frequencies, and a slight push makes the mechanism leave it",
+                    "N m/rad): it has no frequencies, and a slight push makes the mechanism leave it",
                     loaded->tangent.lowest()));
   out["coordinates"] = {{"elastic", model.num_elastic},
                         {"free", model.num_free},

@@ -183,7 +183,7 @@ int Run(const RunArguments& given) {
     if (!created) return Report(created.error(), json);
     recorder.emplace(std::move(*created));
   }
-  const Json assumed = AssumptionsJson(*simulation, args.inputs, args.model.path);
+  const Json assumed = AssumptionsJson(*simulation, args.inputs, args.model);
   if (!json) PrintAssumptions(assumed);
   std::fflush(stdout);  // before what may take minutes
   const Measured measured =

@@ -24,17 +24,19 @@ std::string List(const Json& names) {
 
 }  // namespace
 
-Json AssumptionsJson(const Simulation& simulation, const InputArguments& inputs, const std::string& model) {
+Json AssumptionsJson(const Simulation& simulation, const InputArguments& inputs,
+                     const ModelArguments& model) {
   const Scene& scene = simulation.scene();
   Json out;
-  out["model"] = model;
+  out["model"] = model.path;
   out["dt_s"] = simulation.dt();
   out["integrator"] = Name(simulation.step_options().integrator);
   out["recovery"] = Name(simulation.fidelity().recovery);
   out["gravity_m_per_s2"] = ToJson(scene.gravity);
   const int keyframe = simulation.options().initial_keyframe;
-  out["keyframe"] =
-      keyframe < 0 ? Json(nullptr) : Json(scene.keyframes[static_cast<std::size_t>(keyframe)].name);
+  out["keyframe"] = model.keyframe.empty() ? Json(nullptr) : Json(model.keyframe);
+  out["start"] =
+      model.StartText(keyframe < 0 ? nullptr : &scene.keyframes[static_cast<std::size_t>(keyframe)]);
   out["controls"] = inputs.controls.empty() ? Json(nullptr) : Json(inputs.controls);
   out["num_controls"] = simulation.control_names().size();
   out["pushes"] = inputs.pushes;
@@ -60,8 +62,7 @@ void PrintAssumptions(const Json& d) {
   PrintText("{}: steps of {:.6g} s by {}, recovery {}, gravity {} m/s^2, from {}\n",
             d["model"].get<std::string>(), d["dt_s"].get<double>(), d["integrator"].get<std::string>(),
             d["recovery"].get<std::string>(), VectorText(d["gravity_m_per_s2"]),
-            d["keyframe"].is_null() ? "the pose of the file"
-                                    : fmt::format("keyframe '{}'", d["keyframe"].get<std::string>()));
+            d["start"].get<std::string>());
   const Json& mechanisms = d["mechanisms"];
   for (std::size_t i = 0; i < std::min(kLines, mechanisms.size()); ++i) {
     const Json& m = mechanisms[i];

@@ -7,7 +7,7 @@
 
 namespace fork1s::app {
 
-Json AssumptionsJson(const Simulation& simulation, const InputArguments& inputs, const std::string& model);
+Json AssumptionsJson(const Simulation& simulation, const InputArguments& inputs, const ModelArguments& model);
 void PrintAssumptions(const Json& assumed);
 
 }  // namespace fork1s::app

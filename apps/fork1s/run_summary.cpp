@@ -202,7 +202,9 @@ Json Summary(const Simulation& simulation, const Measured& m) {
                                : fmt::format("; {} more joints passed theirs (speed_limits_passed of --json)",
                                              m.speeding.size() - 1)));
   }
-  for (const std::string& w : Sentences(m.passed, "add it to --interface")) warnings.push_back(w);
+  for (const std::string& w :
+       Sentences(m.passed, "add it to --interface, or let all bodies touch by --detail all"))
+    warnings.push_back(w);
   if (m.error)
     for (const std::string& w : m.error->Warnings()) warnings.push_back(w);
   if (m.failed_refreshes > 0)

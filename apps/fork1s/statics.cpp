@@ -144,7 +144,7 @@ int Run(const StaticsArguments& args) {
               mm.x(), mm.y(), mm.z(), deg.x(), deg.y(), deg.z(), d.max_joint_rotation * kDegrees);
   }
   for (const std::string& sentence : result->beyond_stops) PrintText("  warning: {}\n", sentence);
-  PrintText("  {} equilibrium, lowest eigenvalue of the tangent stiffness {:.4g} N m\n",
+  PrintText("  {} equilibrium, lowest eigenvalue of the tangent stiffness {:.4g} N m/rad\n",
             result->stable ? "stable" : "unstable", result->lowest_stiffness);
   PrintText("  frequencies [Hz] of the springs alone: {}; about this equilibrium{}: {}\n",
             HertzText(result->spring_frequencies_hz), held, HertzText(result->frequencies_hz));

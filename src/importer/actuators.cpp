@@ -40,6 +40,22 @@ void AddMuscle(Conversion& c, const LinearActuator& a) {
   c.scene.mechanisms[c.MechanismOf(a.length.terms[0].first)].muscles.push_back(std::move(muscle));
 }
 
+// Unit of a stiffness along the length, which is that of an angle, or of a length.
+std::string StiffnessUnit(const Conversion& c, const Length& length) {
+  if (length.tendon >= 0) return "N/m";
+  if (length.actuator >= 0 && !IsOnBall(c.m, length.actuator)) {
+    if (c.m.actuator_trntype[length.actuator] != mjTRN_SITE) return "N/m";  // a slider-crank
+    const mjtNum* gear = c.m.actuator_gear + 6 * static_cast<std::ptrdiff_t>(length.actuator);
+    const bool moves = gear[0] != 0 || gear[1] != 0 || gear[2] != 0;
+    const bool turns = gear[3] != 0 || gear[4] != 0 || gear[5] != 0;
+    return moves && turns ? "per unit length" : turns ? "N·m/rad" : "N/m";
+  }
+  const std::string unit = c.StiffnessUnit(length.terms[0].first);
+  for (const auto& [dof, coefficient] : length.terms)
+    if (c.StiffnessUnit(dof) != unit) return "per unit length";
+  return unit;
+}
+
 void AddHold(Conversion& c, const LinearActuator& a) {
   if (a.length.is_single()) {
     const auto [dof, coefficient] = a.length.terms[0];
@@ -70,9 +86,9 @@ void AddHold(Conversion& c, const LinearActuator& a) {
   for (const auto& term : a.length.terms) {
     const int dof = term.first;
     if (a.b1 < 0) c.in_spring[dof] = true;
-    c.held_by[dof].push_back(fmt::format("actuator '{}' over {} freedom{}, {:.4g} per unit length", a.name,
-                                         a.length.terms.size(), a.length.terms.size() == 1 ? "" : "s",
-                                         -a.b1));
+    c.held_by[dof].push_back(fmt::format("actuator '{}' over {} freedom{}, {:.4g} {}", a.name,
+                                         a.length.terms.size(), a.length.terms.size() == 1 ? "" : "s", -a.b1,
+                                         StiffnessUnit(c, a.length)));
   }
   spring.stiffness = -a.b1;
   spring.damping = -a.b2;

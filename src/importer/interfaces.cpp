@@ -130,6 +130,23 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
   return {};
 }
 
+// Bodies with colliding shapes that move as one neither with the base, which always touches, nor with an
+// interface body.
+std::size_t CountWithoutContact(const MechanismDef& mechanism) {
+  const std::size_t n = mechanism.bodies.size();
+  std::vector<std::size_t> group(n);  // body that a joint moves, or 0 for the base
+  std::vector<bool> has_joint(n, false), touches(n, false);
+  for (const JointDef& joint : mechanism.joints) has_joint[joint.body.u()] = true;
+  touches[0] = true;
+  for (std::size_t b = 0; b < n; ++b)
+    group[b] = has_joint[b] || b == 0 ? b : group[mechanism.bodies[b].parent.u()];
+  for (const std::string& name : mechanism.interfaces) touches[group[mechanism.FindBody(name).u()]] = true;
+  std::size_t count = 0;
+  for (std::size_t b = 0; b < n; ++b)
+    count += !touches[group[b]] && HasColliders(mechanism.bodies[b]) ? 1 : 0;
+  return count;
+}
+
 // Words of the caller are at fault where these are no names; words of the file where its own are not.
 std::optional<Error> DistributeNames(Conversion& c, const std::vector<std::string>& names,
                                      const std::string& where, ErrorCode code) {
@@ -187,9 +204,15 @@ std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options
     mechanism.interfaces = ChooseInterfaces(mechanism, &by_contact);
     mechanism.interfaces_chosen = false;
     if (++chosen > kNotes) continue;
-    c.Note(ImportNote::Kind::kChosen, fmt::format("mechanism '{}'", mechanism.name),
-           fmt::format("no interface was named, so it touches by {}: {}", Quoted(mechanism.interfaces, 24),
-                       by_contact ? "the outermost bodies with colliding shapes" : "its last bodies"));
+    std::string text =
+        fmt::format("no interface was named, so it touches by {}: {}", Quoted(mechanism.interfaces, 24),
+                    by_contact ? "the outermost bodies with colliding shapes" : "its last bodies");
+    if (const std::size_t others = CountWithoutContact(mechanism); others > 0)
+      text += fmt::format(
+          "; {} more with such shapes touch{} nothing unless the option interface names {} or "
+          "the run has detail all",
+          others, others == 1 ? "es" : "", others == 1 ? "it" : "them");
+    c.Note(ImportNote::Kind::kChosen, fmt::format("mechanism '{}'", mechanism.name), std::move(text));
   }
   if (chosen > kNotes) {
     c.Note(ImportNote::Kind::kChosen, fmt::format("{} more mechanisms", chosen - kNotes),

@@ -47,9 +47,11 @@ Expected<FullMechanism> FullMechanism::Create(std::shared_ptr<const Mechanism> m
     const double outside = std::max(limit.lower - length, length - limit.upper);
     limit.lower = std::min(limit.lower, length);
     limit.upper = std::max(limit.upper, length);
+    const bool turns =
+        limit.length.path < 0 && !limit.length.terms.empty() && def.Turns(limit.length.terms[0].first);
     if (outside > 1e-3)
       m.warnings_.push_back(limit.WhatAndName() + " starts outside its limits by " + std::to_string(outside) +
-                            " (rad or m); the limit was moved to the initial pose");
+                            (turns ? " rad" : " m") + "; the limit was moved to the initial pose");
   }
   m.StartMotion(q_dot0, V_R);
   return m;

@@ -68,6 +68,21 @@ std::string NameOf(const Simulation& simulation, int collision_body) {
   return Quoted(simulation, simulation.BodyOfCollisionBody(collision_body));
 }
 
+bool IsDrivenBase(const Simulation& simulation, int collision_body) {
+  const CollisionBody& c = simulation.world().collision_bodies()[static_cast<std::size_t>(collision_body)];
+  if (c.kind != CollisionBody::Kind::kGroup) return false;
+  const MechanismDynamics& m = simulation.world().mechanisms()[static_cast<std::size_t>(c.index)];
+  return m.mechanism().base() == BaseKind::kDriven &&
+         m.groups()[static_cast<std::size_t>(c.group)].last_joint < 0;
+}
+
+// What helps where one of two is pressed into the other: a driven base goes where its controls say.
+std::string RemedyFor(const Simulation& simulation, int a, int b, const char* otherwise) {
+  if (!IsDrivenBase(simulation, a) && !IsDrivenBase(simulation, b)) return otherwise;
+  return "its controls drive " + NameOf(simulation, IsDrivenBase(simulation, b) ? b : a) +
+         ", which no contact stops; let them end before the contact, or make the base floating";
+}
+
 // Activations of the controls of mechanisms, or the controls themselves where they have no dynamics, then all controls.
 VectorX InputsOf(const Simulation& simulation) {
   VectorX inputs(2 * simulation.controls().size());
@@ -192,12 +207,8 @@ void SanityMonitor::CheckDepths(const Simulation& simulation) {
     Note(kDeep, pair.depth / (kDeepest * radius), [&, a = key.first, b = key.second, depth = pair.depth] {
       return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
              Print("%.3g mm deep in ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
-             Print(
-                 ", and the smaller of the two has a radius of %.3g mm; try a smaller time step, or place "
-                 "them "
-                 "apart at "
-                 "the start",
-                 1e3 * radius, 0, 0);
+             Print(", and the smaller of the two has a radius of %.3g mm; ", 1e3 * radius, 0, 0) +
+             RemedyFor(simulation, a, b, "try a smaller time step, or place them apart at the start");
     });
   }
 }
@@ -213,8 +224,9 @@ void SanityMonitor::CheckSinking(const Simulation& simulation) {
                   Print("%.3g mm into ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
                   Print(", for %.2g s, and the smaller of the two has a size of %.3g mm: ",
                         simulation.time() - since, 1e3 * size, 0) +
-                  "the contact does not carry what presses on it; bring their masses closer together, or "
-                  "press less";
+                  RemedyFor(simulation, a, b,
+                            "the contact does not carry what presses on it; bring their masses closer "
+                            "together, or press less");
          });
   }
 }

@@ -38,10 +38,12 @@ void WidenLimits(const VectorX& q, MechanismModel& model) {
     const double outside = std::max(limit.lower - length, length - limit.upper);
     limit.lower = std::min(limit.lower, length);
     limit.upper = std::max(limit.upper, length);
+    const bool turns =
+        limit.length.path < 0 && !limit.length.terms.empty() && mechanism.Turns(limit.length.terms[0].first);
     if (outside > 1e-3)
       model.warnings.push_back(limit.WhatAndName() + " starts outside its limits by " +
-                               std::to_string(outside) +
-                               " (rad or m); the limit was moved to the initial pose");
+                               std::to_string(outside) + (turns ? " rad" : " m") +
+                               "; the limit was moved to the initial pose");
   }
 }
 

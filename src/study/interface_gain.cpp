@@ -5,9 +5,11 @@
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <numbers>
+#include <set>
 
 #include <fmt/format.h>
 
+#include "base/near_names.hpp"
 #include "base/percentile.hpp"
 
 namespace fork1s {
@@ -22,8 +24,6 @@ std::string List(const std::vector<std::string>& names, const char* between) {
   for (const std::string& n : names) list += (list.empty() ? "" : between) + n;
   return list;
 }
-
-std::string Quoted(const std::vector<std::string>& names) { return "'" + List(names, "', '") + "'"; }
 
 std::vector<std::string> NamesOf(const Mechanism& m, const std::vector<BodyIndex>& bodies) {
   std::vector<std::string> names;
@@ -62,6 +62,21 @@ void TryFewer(const PosedMechanism& posed, const ReducedModel& model, InterfaceG
   }
 }
 
+// Bodies with colliding shapes that move as one neither with the base nor with an interface body.
+std::vector<std::string> BodiesWithoutContact(const ReducedModel& model) {
+  const Mechanism& m = *model.mechanism;
+  std::set<int> touching{m.body(BodyIndex(0)).last_joint};
+  for (const BodyIndex b : model.interfaces) touching.insert(m.body(b).last_joint);
+  std::vector<std::string> names;
+  for (std::size_t b = 0; b < m.bodies().size(); ++b) {
+    const auto& shapes = m.definition().bodies[b].geometries;
+    if (touching.count(m.bodies()[b].last_joint) == 0 &&
+        std::any_of(shapes.begin(), shapes.end(), [](const GeometryDef& g) { return g.Collides(); }))
+      names.push_back(m.bodies()[b].name);
+  }
+  return names;
+}
+
 }  // namespace
 
 InterfaceGain MeasureInterfaceGain(const PosedMechanism& posed, const ReducedModel& model, double step_s) {
@@ -78,6 +93,7 @@ InterfaceGain MeasureInterfaceGain(const PosedMechanism& posed, const ReducedMod
     gain.shaped += touches || std::any_of(shapes.begin(), shapes.end(),
                                           [](const GeometryDef& g) { return g.Collides(); });
   }
+  gain.without_contact = BodiesWithoutContact(model);
   if (model.num_coordinates() <= kMostCoordinates) {
     const std::vector<double> hertz = FullFrequencies(m, posed.q, model.num_coordinates());
     if (!hertz.empty()) gain.fastest_hz = *std::max_element(hertz.begin(), hertz.end());
@@ -123,6 +139,14 @@ std::vector<std::string> InterfaceGain::Sentences() const {
                           "PD gains change that",
                           Quoted(must_stay)));
   std::vector<std::string> out{fmt::format("{}; contact at {} with shapes", simulated, contact)};
+  if (!without_contact.empty())
+    out.push_back(
+        fmt::format("{} no interface and touch{} nothing: {}; name more interface "
+                    "bodies, or run with detail all",
+                    without_contact.size() == 1
+                        ? "one body with colliding shapes is"
+                        : fmt::format("{} bodies with colliding shapes are", without_contact.size()),
+                    without_contact.size() == 1 ? "es" : "", Quoted(without_contact)));
   if (!more.empty()) out.push_back(fmt::format("{}", fmt::join(more, "; ")));
   return out;
 }

@@ -26,7 +26,8 @@ struct InterfaceGain {
     std::vector<std::string> interfaces;
     int coordinates = 0, modes = 0;  // modes: how many of the coordinates are fixed-interface modes
   };
-  std::vector<Choice> fewer;           // one interface body less each time, where that saves coordinates
+  std::vector<Choice> fewer;  // one interface body less each time, where that saves coordinates
+  std::vector<std::string> without_contact;  // bodies with colliding shapes that touch nothing
   std::vector<std::string> must_stay;  // interface bodies without which a joint without spring moves unseen
 
   /// One line or two, without times.

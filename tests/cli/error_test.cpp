@@ -211,6 +211,8 @@ TEST(Interpenetration, IsToldOfBodiesThatAreNoInterface) {
   const std::string warnings = json["warnings"].dump();
   EXPECT_NE(warnings.find("is no interface body"), std::string::npos) << warnings;
   EXPECT_NE(warnings.find("'world'"), std::string::npos) << warnings;
+  EXPECT_NE(warnings.find("--detail all"), std::string::npos) << warnings;
+  EXPECT_TRUE(Fork1s("run --json --time 1 --detail all " + model).Json()["passed_through"].empty());
   bool lower = false;
   for (const auto& p : json["passed_through"]) {
     lower |= p["body"] == "lower";

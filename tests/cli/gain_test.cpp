@@ -32,6 +32,9 @@ TEST(Gain, NamesWhatTouchesAndWhatFewerWouldLeave) {
     EXPECT_EQ(o.out.find("saves nothing"), std::string::npos) << o.out;
     EXPECT_NE(o.out.find("Reduction: all 6 independent joint coordinates"), std::string::npos) << o.out;
     EXPECT_NE(o.out.find("contact at 2 of 7 bodies with shapes"), std::string::npos) << o.out;
+    EXPECT_NE(o.out.find("4 bodies with colliding shapes are no interface and touch nothing: 'left_a', "),
+              std::string::npos)
+        << o.out;
     // One tip leaves five: what weight bends of the other finger is simulated too.
     EXPECT_NE(o.out.find("fewer interface bodies leave nearly as many coordinates"), std::string::npos)
         << o.out;
@@ -79,11 +82,43 @@ TEST(Inspect, LoopJointsAreClosedByTheirClosure) {
     <contact><exclude body1="coupler" body2="rocker"/></contact></mujoco>)");
   const Outcome o = Fork1s("inspect " + model);
   ASSERT_EQ(o.code, 0) << o.err;
-  EXPECT_EQ(o.out.find("nothing"), std::string::npos) << o.out;
+  EXPECT_EQ(o.out.find("Motions without stiffness"), std::string::npos) << o.out;
   EXPECT_NE(o.out.find("b  closed by 'pin'"), std::string::npos) << o.out;
   EXPECT_NE(o.out.find("c  closed by 'pin'"), std::string::npos) << o.out;
   EXPECT_NE(o.out.find("3 joints, 1 closures"), std::string::npos) << o.out;
   EXPECT_NE(o.out.find("the one independent joint coordinate"), std::string::npos) << o.out;
+}
+
+// A rope from the world makes a mechanism of a free body, whose six motions nothing resists.
+TEST(Inspect, ALooseBodyHasOneSentence) {
+  const auto loose = Fork1s("inspect --json " + Write("loose.xml", R"(<mujoco><worldbody>
+    <site name="w" pos="0 0 1"/><body name="load" pos="0 0 .2"><freejoint name="lf"/><geom size=".1"/><site name="s"/>
+    </body></worldbody><tendon><spatial name="rope" limited="true" range="0 1.5"><site site="w"/><site site="s"/>
+    </spatial></tendon></mujoco>)"))
+                         .Json()["not_held"];
+  ASSERT_EQ(loose.size(), 1u) << loose.dump(1);
+  const auto sentence = loose[0].get<std::string>();
+  for (const char* part : {"'load' is loose", "'lf'", "lf.position=KP,KV and lf.rotation=KP,KV"})
+    EXPECT_NE(sentence.find(part), std::string::npos) << sentence;
+}
+
+TEST(Inspect, StiffnessOfATendonHasTheUnitOfItsJoints) {
+  const auto over = [](const std::string& type) {
+    return Fork1s("inspect --json " +
+                  Write("tendon_" + type + ".xml",
+                        "<mujoco><worldbody><body><joint name='a' axis='0 1 0' type='" + type +
+                            "'/><geom size='.1'/><body pos='.4 0 0'><joint name='b' "
+                            "axis='1 0 0' type='" +
+                            type +
+                            "'/><geom size='.1'/></body></body></worldbody><tendon><fixed "
+                            "name='t'><joint joint='a' coef='1'/><joint joint='b' coef='1'/>"
+                            "</fixed></tendon><actuator><position name='p' tendon='t' "
+                            "kp='100'/></actuator></mujoco>"))
+        .Json()["holds"][0]["held_by"]
+        .get<std::string>();
+  };
+  EXPECT_EQ(over("hinge"), "actuator 'p' over 2 freedoms, 100 N·m/rad");
+  EXPECT_EQ(over("slide"), "actuator 'p' over 2 freedoms, 100 N/m");
 }
 
 TEST(Interfaces, BlanksAndCommasBothDivideNames) {

@@ -96,6 +96,8 @@ TEST(Loaded, PrestressHoldsABeadBetweenCables) {
   EXPECT_NEAR(json["position_m"][2].get<double>(), 1 - 0.0125, 5e-5);
   EXPECT_TRUE(json["stable"].get<bool>());
   EXPECT_EQ(json["branch"], "primary");
+  const std::string text = Fork1s("statics --body bead --force 0,0,-10 " + Bead(0.4)).out;
+  EXPECT_NE(text.find(" N m/rad\n"), std::string::npos) << text;
   const auto held = Fork1s("inspect --json " + Bead(0.4)).Json();
   EXPECT_TRUE(held["not_held"].empty()) << held["not_held"];
   EXPECT_EQ(held["held_by_load"], nlohmann::json({"z"}));

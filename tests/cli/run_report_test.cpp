@@ -218,6 +218,26 @@ TEST(RunReport, StepsInPlaceOfTime) {
   EXPECT_EQ(Fork1s("run --steps 7 --accuracy 1mm " + model).code, 2);
 }
 
+TEST(RunReport, LimitsThatTheStartIsOutsideOfHaveTheirUnit) {
+  const auto warnings = [](const std::string& joint, const std::string& tendon) {
+    return Fork1s("run --json --steps 1 --keep-start " +
+                  Write("outside.xml",
+                        "<mujoco><compiler angle='radian'/><worldbody><site name='w' pos='0 0 1'/>"
+                        "<body name='a' pos='0 0 .2'><joint name='j' " +
+                            joint + "/><geom size='.1'/><site name='s'/></body></worldbody>" + tendon +
+                            "</mujoco>"))
+        .Json()["warnings"]
+        .dump();
+  };
+  const std::string rope =
+      warnings("type='slide' axis='0 0 1'",
+               "<tendon><spatial name='rope' limited='true' range='0 .5'><site site='w'/>"
+               "<site site='s'/></spatial></tendon>");
+  EXPECT_NE(rope.find("tendon 'rope' starts outside its limits by 0.300000 m;"), std::string::npos) << rope;
+  const std::string hinge = warnings("type='hinge' axis='0 1 0' limited='true' range='.25 1'", "");
+  EXPECT_NE(hinge.find("joint 'j' starts outside its limits by 0.250000 rad;"), std::string::npos) << hinge;
+}
+
 TEST(RunReport, WhatSlipsIsNamed) {
   // 15 N against 0.5 * 19.6 N of friction: 2.6 m/s² for half a second, 0.32 m, and as far again to rest, less
   // what friction takes then.

@@ -50,6 +50,17 @@ TEST(Plausible, TooFastForTheStep) {
   EXPECT_NE(said.find("deep in the world"), std::string::npos) << said;
 }
 
+// A driven base goes on where its controls say.
+TEST(Plausible, ADrivenBaseIsToldOfItsControls) {
+  const std::string model = Write("driven.xml", R"(<mujoco><worldbody><geom type="plane" size="9 9 .1"/>
+    <body name="palm" pos="0 0 .2"><geom type="box" size=".1 .1 .05"/><body name="tip" pos="0 0 .2">
+    <joint name="j" axis="0 1 0" stiffness="9"/><geom size=".02"/></body></body></worldbody></mujoco>)");
+  const std::string table = Write("down.csv", "time,palm.z\n0,0\n1,-.2\n");
+  const std::string said = WarningsOf("--base driven --controls " + table + " " + model, 0, "2");
+  EXPECT_NE(said.find("its controls drive 'palm', which no contact stops"), std::string::npos) << said;
+  EXPECT_EQ(said.find("bring their masses"), std::string::npos) << said;
+}
+
 // 5 rad a step are stepped, with a warning that has body, angle and remedy.
 TEST(Plausible, TurnsByMoreThanHalfATurnInAStep) {
   const std::string said = WarningsOf("--keyframe k " + Thrown("0 0 0 30 300 1"), 0, "0.2");

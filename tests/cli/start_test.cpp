@@ -193,5 +193,49 @@ TEST(Meshes, DamageIsRefusedAndNothingElseIsPrinted) {
   }
 }
 
+// A start that the importer makes of options is no keyframe of the file.
+TEST(Start, IsNamedByTheKeyframeOfTheFileAndTheOptionsThatChangeIt) {
+  const std::string arm = Write("keyed.xml", R"(<mujoco><compiler angle="radian"/><worldbody>
+    <body name="arm"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".5 0 0"/></body></worldbody>
+    <actuator><position joint="j" kp="100" kv="9"/></actuator>
+    <keyframe><key name="standing" qpos=".2"/></keyframe></mujoco>)");
+  const auto assumed = [&](const std::string& options) {
+    const Outcome o = Fork1s("run --json --steps 1 " + options + " " + arm);
+    return std::pair(o.code, o.Json()["assumed"]);
+  };
+  const std::pair<const char*, const char*> cases[] = {
+      {"--hold", "the pose of the file, set-points by --hold"},
+      {"--keyframe standing", "keyframe 'standing'"},
+      {"--keyframe standing --hold", "keyframe 'standing', set-points by --hold"},
+      {"--keyframe standing --q j=.3", "keyframe 'standing', joints by --q"}};
+  for (const auto& [options, start] : cases) {
+    const auto [code, json] = assumed(options);
+    ASSERT_EQ(code, 0);
+    EXPECT_EQ(json["start"], start);
+    if (std::string(options) == "--hold")
+      EXPECT_TRUE(json["keyframe"].is_null());
+    else
+      EXPECT_EQ(json["keyframe"], "standing");
+    const Outcome o = Fork1s("inspect --json " + std::string(options) + " " + arm);
+    EXPECT_EQ(o.Json()["keyframes"], nlohmann::json::array({"standing"})) << options;
+  }
+  EXPECT_NE(Fork1s("run --steps 1 --keyframe standing --hold " + arm)
+                .out.find("from keyframe 'standing', set-points by --hold"),
+            std::string::npos);
+}
+
+TEST(Pd, HelpSaysThatMotorsGiveWay) {
+  EXPECT_NE(Fork1s("run --help").out.find("each motor gives way"), std::string::npos);
+  const std::string arm =
+      Write("motors.xml", R"(<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0"/>
+    <geom size=".1" pos=".2 0 0"/><body pos=".4 0 0"><joint name="k" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>
+    </body></body></worldbody><actuator><motor name="m" joint="j"/></actuator></mujoco>)");
+  const auto all = Fork1s("inspect --json --pd 100,2 " + arm).Json();
+  EXPECT_EQ(all["mechanisms"][0]["controls"], nlohmann::json::array({"j"}));
+  EXPECT_EQ(all["holds"][1]["held_by"], "nothing");  // 'k' has no motor
+  const auto one = Fork1s("inspect --json --pd j=100,2 " + arm).Json();
+  EXPECT_EQ(one["mechanisms"][0]["controls"], nlohmann::json::array({"m", "j"}));
+}
+
 }  // namespace
 }  // namespace fork1s::test

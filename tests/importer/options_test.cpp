@@ -25,6 +25,8 @@ TEST(ImportOptionsTest, ChoosesTheOutermostColliders) {
   EXPECT_FALSE(hand.interfaces_chosen);
   EXPECT_EQ(hand.modes, 7);
   EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "'f1tip' and 'f2'"));
+  // 'f1' collides and is no interface; the base always touches, and a nail without collision does not count.
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "1 more with such shapes touches nothing"));
   EXPECT_EQ(loaded.initial_keyframe, -1);
 }
 

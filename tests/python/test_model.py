@@ -180,6 +180,15 @@ def test_scenes_of_the_package():
         fork1s.scene("none")
 
 
+def test_a_package_without_scenes_says_where_it_looked(monkeypatch, tmp_path):
+    from fork1s import _load
+
+    monkeypatch.setattr(_load, "__file__", str(tmp_path / "_load.py"))
+    with pytest.raises(fork1s.UnknownNameError, match="has none") as raised:
+        _load.scene("hand")
+    assert str(tmp_path / "scenes") in str(raised.value)
+
+
 def test_hold_keeps_the_posture_of_the_start():
     """An arm of 1 kg at 0.5 m on a servo of 200 N·m/rad sags from the pose q by θ: 200 θ = m g l cos(q + θ)."""
     text = """<mujoco><compiler angle="radian"/><worldbody><body name="arm" pos="0 0 1"><joint name="lift" axis="0 1 0"/>

@@ -1,9 +1,11 @@
 // Streams for the viewer's own tests, with the poses that belong to them: the page must find the same.
+#include <cstring>
 #include <filesystem>
 #include <fork1s/recovery/recover.hpp>
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "support.hpp"
 
@@ -79,6 +81,41 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"firemen_curved", "firemen.xml", Recovery::kCurved, "", "bunny"},
                       Case{"firemen_twist", "firemen.xml", Recovery::kTwist, "", "bunny"}),
     [](const auto& at) { return std::string(at.param.name); });
+
+std::string SourceText(const char* path) {
+  std::ifstream file(std::string(FORK1S_SOURCE_DIR) + path);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+TEST(Wire, HasOneVersionInProgramPageAndDocs) {
+  const std::string version = std::to_string(kWireVersion);
+  EXPECT_NE(SourceText("/docs/wire.md").find("The wire's `version` is " + version + "."), std::string::npos);
+  EXPECT_NE(SourceText("/viewer/src/wire/messages.ts").find("WIRE_VERSION = " + version + ";"),
+            std::string::npos);
+}
+
+// Bytes of a frame as docs/wire.md counts them: what is left after each fixed field is lists alone.
+TEST(Wire, FrameHasTheBytesThatTheDocsList) {
+  LiveSimulation live = Live("hand.xml");
+  const Snapshot now = live.Capture(1);
+  ASSERT_TRUE(now.frame);
+  const std::string& bytes = *now.frame;
+  const auto word = [&](std::size_t at) {
+    std::uint32_t v = 0;
+    std::memcpy(&v, bytes.data() + at, sizeof v);
+    return v;
+  };
+  std::size_t at = 4 * 4 + 8 * 14;
+  const std::uint32_t roots = word(at);
+  at += 4;
+  for (std::uint32_t i = 0; i < roots; ++i) at += 3 * 4 + 7 * 8 + 4 * (word(at + 4) + word(at + 8));
+  at += 4 + word(at) * (2 * 4 + 9 * 4 + 2 * 4);
+  at += 4 + word(at) * (4 + 9 * 4);
+  at += 4 + word(at) * 4;
+  EXPECT_EQ(at, bytes.size());
+}
 
 }  // namespace
 }  // namespace fork1s::test

@@ -28,6 +28,11 @@ def scene(name: str) -> Path:
     path = folder / f"{name}.xml"
     if not path.is_file():
         there = ", ".join(sorted(p.stem for p in folder.glob("*.xml")))
+        if not there:
+            raise UnknownNameError(
+                f"there is no scene '{name}': {folder} has none, as in a build folder; install the package, or give load "
+                "the path of a model"
+            )
         raise UnknownNameError(f"there is no scene '{name}'; there are: {there}")
     return path
 
@@ -70,8 +75,10 @@ def load(
             coordinates or twice those of the interface. Default: what the file says, else 'auto'.
         mode_choice: 'lowest' in frequency, or those of largest 'contribution' to the motion of the interface.
         stiffness_scale: multiplies every joint spring; its damper by the square root.
-        pd: gains (kp, kv) in N·m/rad and N·m·s/rad (N/m, N·s/m) that hold every joint which nothing holds, or a
-            mapping from joint names to gains on top of whatever holds them.
+        pd: gains (kp, kv) in N·m/rad and N·m·s/rad (N/m, N·s/m) that hold joints without a spring or position servo;
+            where a mechanism has motors, only the joints that they drive: each motor gives way to a set-point in rad
+            or m from the start, in place of its control. Or a mapping from joint names to gains on top of whatever
+            holds them, motors included.
         keyframe: name of the initial state; default: the file's reference pose.
         base_pose: where the base starts, world frame: (3,) m, (7,) with a quaternion w x y z, or (4, 4).
         q: joint name to where it starts, rad or m.

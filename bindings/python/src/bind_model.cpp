@@ -226,7 +226,8 @@ several, ask `mechanisms[i]`, or name a body.)")
             for (const KeyframeDef& key : s->scene().keyframes) names.push_back(key.name);
             return names;
           },
-          "Names of the initial states that the file has.")
+          "Names of the initial states that the file has; after them 'start' where load() starts the model "
+          "elsewhere (q, hold, limits and loops), which is none of the file.")
       .def_prop_ro(
           "gravity", [](const ModelPtr& s) { return OwnVector(s->scene().gravity); },
           "(3,) m/s², world axes.", kOwn)

@@ -10,8 +10,8 @@ struct CsvOptions {
   bool all_bodies = false;  // false: poses of interface bodies and free bodies only
 };
 
-/// Writes into `directory` (made if need be) poses.csv, contacts.csv, pairs.csv, controls.csv and energy.csv;
-/// numbers have the digits that give the same double back. Bodies that share a name are written as
+/// Writes into `directory` (made if need be) poses.csv, contacts.csv, pairs.csv, controls.csv, sensors.csv and
+/// energy.csv; numbers have the digits that give the same double back. Bodies that share a name are written as
 /// MECHANISM/BODY. Errors: kFile.
 Expected<void> ExportCsv(const Recording& recording, const std::string& directory,
                          const CsvOptions& options = {});
