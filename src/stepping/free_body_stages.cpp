@@ -177,7 +177,7 @@ double FreeBody::MoveAndComputeResidual(double b, StageMotion& moved) {
   return b * std::sqrt(residual.dot(InverseInertia_B() * residual) / mass);
 }
 
-FreeBody::StageChange FreeBody::ComputeStageChange(double b) {
+StageChange FreeBody::ComputeStageChange(double b) {
   const Velocity before = stage_.change;
   stage_.change = {state_.omega_B - stage_.pose_velocity.omega_B,
                    state_.velocity - stage_.pose_velocity.center};

@@ -9,4 +9,11 @@ struct StageMotion {
   double velocity_change = 0;  // by what its velocity has changed by since the start of the step
 };
 
+/// Of a Newton iteration, in that metric.
+struct StageChange : StageMotion {
+  double change = 0;       // m, of position, that this one makes
+  double square = 0;       // kg m²/s²: of the change of velocity that it makes
+  double with_before = 0;  // kg m²/s²: product of that change with the one of the iteration before
+};
+
 }  // namespace fork1s

@@ -122,12 +122,6 @@ void StartStageMatrix(const StepContext& ctx, double b);
 /// The matrix of the stage is made again, with the inertia of the pose at hand, by the next solve, and where it stays
 /// positive definite with the geometric stiffness of weight or of all that accelerates the parts.
 void RenewStageMatrix(const StepContext& ctx, GeometricStiffness of_parts);
-/// Of a Newton iteration [m], in the kinetic metric.
-struct StageChange : StageMotion {
-  double change = 0;       // of position, that this one makes
-  double square = 0;       // of the change of velocity in the kinetic metric, kg m²/s²
-  double with_before = 0;  // its product with the change of the iteration before, likewise
-};
 /// After contact, at the pose linearized at.
 StageChange ComputeStageChange(const StepContext& ctx, double b);
 /// After contact: records the momenta of the stage, moves to the pose found, and returns the change of

@@ -80,14 +80,14 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   const double b = at.b;
   StageResidual bodies, body_changes, changes, found;
   Changes all_changes;
-  const auto add = [&](const auto& change, double length) {
+  const auto add = [&](const StageChange& change, double length) {
     all_changes.square += change.square;
     all_changes.with_before += change.with_before;
     all_changes.share = std::max(all_changes.share, change.change / std::max(length, 1e-300));
   };
   for (std::size_t i = 0; i < all.free_bodies.size(); ++i) {
     FreeBody& body = all.free_bodies[i];
-    const FreeBody::StageChange change = body.ComputeStageChange(b);
+    const StageChange change = body.ComputeStageChange(b);
     const double length = std::sqrt(body.inertia().rotational.trace() / body.inertia().mass);
     add(change, length);
     StageMotion moved;

@@ -8,7 +8,8 @@
 
 namespace fork1s {
 
-struct StageMotion;  // src/stepping/stage_motion.hpp
+struct StageMotion;
+struct StageChange;  // src/stepping/stage_motion.hpp
 
 /// Coordinates are the angular rate in the body's own axes and the velocity of the centre of mass in the
 /// world.
@@ -72,12 +73,7 @@ class FreeBody {
   /// the kinetic metric. `moved`: by the stage, but for the translation that nothing makes
   /// stiff.
   double MoveAndComputeResidual(double b, StageMotion& moved);
-  /// After contact: what the Newton iteration at hand changes.
-  struct StageChange {
-    double change = 0;       // of position [m], in the kinetic metric
-    double square = 0;       // of the change of velocity in that metric, kg m²/s²
-    double with_before = 0;  // its product with the change of the iteration before, likewise
-  };
+  /// After contact, at the pose linearized at, without `motion`.
   StageChange ComputeStageChange(double b);
   /// After MoveAndComputeResidual: takes back a share of the change of velocity that the iteration made, and moves.
   void RelaxStage(double b, double share);
