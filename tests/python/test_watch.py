@@ -65,10 +65,9 @@ def test_a_body_that_passes_through_another_is_told(tmp_path):
     [sentence] = [text for text in sim.warnings if "it touches nothing" in text]
     assert "'lower' is no interface body" in sentence and "'world'" in sentence
     told, remedy = sentence.split("; ")
-    assert remedy == "add it to interface= of load"
-    assert f"{told}; add it to --interface" in program_warnings(
-        SWING, tmp_path, "--time", 1, "--interface", "tip"
-    )
+    assert remedy == "add it to interface= of load, or let all bodies touch by detail='all'"
+    told_by_program = program_warnings(SWING, tmp_path, "--time", 1, "--interface", "tip")
+    assert f"{told}; add it to --interface, or let all bodies touch by --detail all" in told_by_program
     sim.set_detail("parents")
     assert sentence in sim.warnings
     sim.set_state(qpos=[0, 0, 0])

@@ -209,7 +209,8 @@ std::vector<std::string> Runner::Warnings() {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> all = simulation_.warnings();
   if (!watch_) return all;
-  for (std::string& sentence : watch_->Sentences("add it to interface= of load"))
+  for (std::string& sentence :
+       watch_->Sentences("add it to interface= of load, or let all bodies touch by detail='all'"))
     all.push_back(std::move(sentence));
   return all;
 }
