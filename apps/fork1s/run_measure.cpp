@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "progress.hpp"
+#include "sim/run_watch.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -33,35 +34,6 @@ void WatchHolds(const Simulation& simulation, Measured& out) {
     out.hold_use_max = std::max(out.hold_use_max, f.use);
   }
 }
-
-// Watches bodies that are no interface; again where the detail changed.
-class Passers {
- public:
-  explicit Passers(const Simulation& simulation) { Watch(simulation); }
-  void Update(const Simulation& simulation, std::size_t switches, Measured& out) {
-    if (switches != switches_) {
-      Record(out);
-      Watch(simulation);
-      switches_ = switches;
-    }
-    if (watch_) watch_->Update(simulation);
-  }
-  void Record(Measured& out) const {
-    if (!watch_) return;
-    for (Interpenetration& p : watch_->Found()) out.passed.push_back(std::move(p));
-  }
-
- private:
-  void Watch(const Simulation& simulation) {
-    auto watch = InterpenetrationMonitor::Create(simulation);
-    if (watch)
-      watch_.emplace(std::move(*watch));
-    else
-      watch_.reset();
-  }
-  std::optional<InterpenetrationMonitor> watch_;
-  std::size_t switches_ = 0;
-};
 
 // Looks at the grasp now and then: it costs more than a step.
 class LoadWatch {
@@ -235,8 +207,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
   LoadWatch watch;
   std::size_t next_detail = 0;
   if (watches.error) out.error.emplace();
-  Passers passers(simulation);
-  SanityMonitor monitor(simulation);
+  internal::RunWatch plausible(simulation);
   out.statistics.Begin(simulation);
   const SpeedWatch speeds(simulation, watches.velocity_limits);
   StartBasePaths(simulation, out);
@@ -244,7 +215,7 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     const std::size_t switches = out.switches.size();
     Switch(inputs.detail, next_detail, simulation, out);
     if (out.switches.size() != switches) {
-      monitor.Changed(simulation);
+      plausible.Changed(simulation);
       out.statistics.Begin(simulation);
     }
     const double end = static_cast<double>(i + 1) * simulation.dt();
@@ -284,17 +255,16 @@ Measured Simulate(Simulation& simulation, const RunInputs& inputs, std::int64_t 
     out.energy_last = energy;
     const double gap = simulation.JointGap();
     out.gap_max = std::max(out.gap_max, gap);
-    monitor.Update(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(), report.IsSolved(),
-                                report.stages_converged ? 0 : report.stage_residual});
+    plausible.Update(simulation, {energy, simulation.KineticEnergy(), gap, !applied.empty(),
+                                  report.IsSolved(), report.stages_converged ? 0 : report.stage_residual});
     if (watches.load_factor) watch.Update(simulation, out);
-    passers.Update(simulation, out.switches.size(), out);
     if (recorder)
       if (recorded = recorder->Append(simulation, report, applied); !recorded) break;
     if (out.impossible = Impossible(simulation, energy); !out.impossible.empty()) break;
     bar.Update(static_cast<double>(i + 1) / static_cast<double>(steps));
   }
-  passers.Record(out);
-  out.implausible = monitor.Sentences();
+  out.passed = plausible.Passed();
+  out.implausible = plausible.Implausible();
   return out;
 }
 

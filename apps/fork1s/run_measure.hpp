@@ -5,7 +5,6 @@
 #include <fork1s/sim/load_factor.hpp>
 #include <fork1s/sim/push.hpp>
 #include <fork1s/sim/run_statistics.hpp>
-#include <fork1s/sim/sanity_monitor.hpp>
 #include <map>
 #include <optional>
 #include <string>

@@ -5,6 +5,7 @@
 
 #include "conversion.hpp"
 #include "mechanism/names.hpp"
+#include "mechanism/rigid_groups.hpp"
 #include "names.hpp"
 
 namespace fork1s::internal {
@@ -69,22 +70,6 @@ std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
   return std::nullopt;
 }
 
-// Bodies in one rigid group with the base carry no compliance of their own.
-std::vector<bool> RigidWithBase(const MechanismDef& mechanism) {
-  std::vector<bool> has_joint(mechanism.bodies.size(), false), rigid(mechanism.bodies.size(), false);
-  for (const JointDef& joint : mechanism.joints) has_joint[joint.body.u()] = true;
-  for (std::size_t b = 0; b < mechanism.bodies.size(); ++b) {
-    const BodyIndex parent = mechanism.bodies[b].parent;
-    rigid[b] = !has_joint[b] && (!parent.valid() || rigid[parent.u()]);
-  }
-  return rigid;
-}
-
-bool HasColliders(const BodyDef& body) {
-  return std::any_of(body.geometries.begin(), body.geometries.end(),
-                     [](const GeometryDef& g) { return g.Collides(); });
-}
-
 bool IsInPair(const BodyDef& body) {
   return std::any_of(body.geometries.begin(), body.geometries.end(),
                      [](const GeometryDef& g) { return !g.pairs.empty(); });
@@ -99,9 +84,7 @@ bool HasAdhesion(const MechanismDef& mechanism, const BodyDef& body) {
 // nothing can touch, the last bodies.
 std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* by_contact) {
   const std::size_t n = mechanism.bodies.size();
-  std::vector<bool> has_joint(n, false);
-  for (const JointDef& joint : mechanism.joints) has_joint[joint.body.u()] = true;
-  const std::vector<bool> rigid = RigidWithBase(mechanism);
+  const std::vector<std::size_t> group = RigidGroups(mechanism);
   for (const bool contact : {true, false}) {
     // `beyond`: a candidate lies below, past a joint; `below`: below, joint or not.
     std::vector<bool> beyond(n, false), below(n, false);
@@ -112,15 +95,13 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
       const bool here = candidate || below[b];
       const std::size_t p = mechanism.bodies[b].parent.u();
       below[p] = below[p] || here;
-      beyond[p] = beyond[p] || beyond[b] || (here && has_joint[b]);
+      beyond[p] = beyond[p] || beyond[b] || (here && group[b] == b);
       // Without contact, a leaf is enough: a welded child already stands for its parent.
       const bool outermost = !beyond[b] && (contact || !below[b]);
-      if (candidate && !rigid[b] &&
+      if (candidate && group[b] > 0 &&
           (outermost || IsInPair(mechanism.bodies[b]) || HasAdhesion(mechanism, mechanism.bodies[b]))) {
-        std::size_t group = b;
-        while (!has_joint[group]) group = mechanism.bodies[group].parent.u();
-        if (std::find(groups_named.begin(), groups_named.end(), group) != groups_named.end()) continue;
-        groups_named.push_back(group);
+        if (std::find(groups_named.begin(), groups_named.end(), group[b]) != groups_named.end()) continue;
+        groups_named.push_back(group[b]);
         names.insert(names.begin(), mechanism.bodies[b].name);
       }
     }
@@ -128,23 +109,6 @@ std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* b
     if (!names.empty()) return names;
   }
   return {};
-}
-
-// Bodies with colliding shapes that move as one neither with the base, which always touches, nor with an
-// interface body.
-std::size_t CountWithoutContact(const MechanismDef& mechanism) {
-  const std::size_t n = mechanism.bodies.size();
-  std::vector<std::size_t> group(n);  // body that a joint moves, or 0 for the base
-  std::vector<bool> has_joint(n, false), touches(n, false);
-  for (const JointDef& joint : mechanism.joints) has_joint[joint.body.u()] = true;
-  touches[0] = true;
-  for (std::size_t b = 0; b < n; ++b)
-    group[b] = has_joint[b] || b == 0 ? b : group[mechanism.bodies[b].parent.u()];
-  for (const std::string& name : mechanism.interfaces) touches[group[mechanism.FindBody(name).u()]] = true;
-  std::size_t count = 0;
-  for (std::size_t b = 0; b < n; ++b)
-    count += !touches[group[b]] && HasColliders(mechanism.bodies[b]) ? 1 : 0;
-  return count;
 }
 
 // Words of the caller are at fault where these are no names; words of the file where its own are not.
@@ -207,7 +171,9 @@ std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options
     std::string text =
         fmt::format("no interface was named, so it touches by {}: {}", Quoted(mechanism.interfaces, 24),
                     by_contact ? "the outermost bodies with colliding shapes" : "its last bodies");
-    if (const std::size_t others = CountWithoutContact(mechanism); others > 0)
+    std::vector<BodyIndex> touching;
+    for (const std::string& name : mechanism.interfaces) touching.push_back(mechanism.FindBody(name));
+    if (const std::size_t others = BodiesWithoutContact(mechanism, touching).size(); others > 0)
       text += fmt::format(
           "; {} more with such shapes touch{} nothing unless the option interface names {} or "
           "the run has detail all",

@@ -194,6 +194,14 @@ class ModelEditor {
 
   // All changes of one element are written at once.
   void WriteGeneral(const XmlTag& tag, const General& g) {
+    for (const char* parameters : {"biasprm", "gainprm"})
+      if (tag.attributes.count(parameters) == 0 && (g.stiffness || parameters[0] == 'b')) {
+        notes_.push_back(fmt::format(
+            "the changes of actuator '{}' were not written: its {} is that of a class or the default; write it into the "
+            "element",
+            Value(tag, "name"), parameters));
+        return;
+      }
     std::vector<std::string> gain = internal::SplitWords(Value(tag, "gainprm")),
                              bias = internal::SplitWords(Value(tag, "biasprm"));
     gain.resize(std::max<std::size_t>(gain.size(), 1), "1");

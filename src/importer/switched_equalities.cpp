@@ -6,6 +6,7 @@
 
 #include "conversion.hpp"
 #include "mechanism/names.hpp"
+#include "mechanism/rigid_groups.hpp"
 #include "names.hpp"
 
 namespace fork1s::internal {
@@ -18,17 +19,6 @@ double TimeConstant(const mjModel& m, int e) {
   mjtNum usual[mjNREF], solimp[mjNIMP];
   mj_defaultSolRefImp(usual, solimp);
   return T > 0 ? T : usual[0];
-}
-
-// The body that the joints nearest to it move; those with the same one are rigid with each other.
-std::size_t RigidRoot(const MechanismDef& mechanism, BodyIndex body) {
-  const auto has_joint = [&](BodyIndex b) {
-    return std::any_of(mechanism.joints.begin(), mechanism.joints.end(),
-                       [&](const JointDef& joint) { return joint.body.u() == b.u(); });
-  };
-  while (!has_joint(body) && mechanism.bodies[body.u()].parent.valid())
-    body = mechanism.bodies[body.u()].parent;
-  return body.u();
 }
 
 // The name of the equality, which actuators may have as well.
@@ -56,9 +46,10 @@ void ConvertSwitched(Conversion& c, int e) {
   const BodyPlace &on_a = c.body[a], &on_b = c.body[b];
   const auto is_rigid_with_a = [&] {
     const MechanismDef& mechanism = c.scene.mechanisms[static_cast<std::size_t>(on_a.mechanism)];
-    const std::size_t root = RigidRoot(mechanism, on_a.body);
-    if (on_b.mechanism == on_a.mechanism) return RigidRoot(mechanism, on_b.body) == root;
-    return on_b.still() && root == 0 && mechanism.base == BaseKind::kFixed;
+    const std::vector<std::size_t> group = RigidGroups(mechanism);
+    const std::size_t of_a = group[on_a.body.u()];
+    if (on_b.mechanism == on_a.mechanism) return group[on_b.body.u()] == of_a;
+    return on_b.still() && of_a == 0 && mechanism.base == BaseKind::kFixed;
   };
   if (on_a.mechanism < 0 || !MovesRelative(m, a, b) || is_rigid_with_a()) {
     c.Dropped(where, "joins bodies that do not move relative to each other");
@@ -134,11 +125,11 @@ void AddSwitchedInterfaces(Conversion& c) {
         for (MechanismDef& mechanism : c.scene.mechanisms) {
           const BodyIndex body = mechanism.FindBody(name);
           if (!body.valid()) continue;
-          const std::size_t root = RigidRoot(mechanism, body);
-          if (root == 0) continue;  // the base always takes part
+          const std::vector<std::size_t> group = RigidGroups(mechanism);
+          if (group[body.u()] == 0) continue;  // the base always takes part
           if (std::any_of(mechanism.interfaces.begin(), mechanism.interfaces.end(),
                           [&](const std::string& other) {
-                            return RigidRoot(mechanism, mechanism.FindBody(other)) == root;
+                            return group[mechanism.FindBody(other).u()] == group[body.u()];
                           }))
             continue;
           mechanism.interfaces.push_back(name);

@@ -57,8 +57,8 @@ class Linearization {
   std::string NameOf(const Force& force) const;
   std::vector<Force> ForcesOf(const WorldState& state) const;
   State StateAt(const Simulation::Snapshot& moment) const;
-  VectorX PresentDeviation() const;
-  std::vector<std::string> StuckFrictions() const;
+  VectorX PresentDeviation(const WorldState& present) const;
+  std::vector<std::string> StuckFrictions(const WorldState& present) const;
   VectorX VariationOf(int step) const;
   void MoveTo(const VectorX& variation);
   void Restore(const Simulation::Snapshot& moment);
@@ -72,6 +72,8 @@ class Linearization {
   const StepOptions given_;
   const Simulation::Snapshot start_, closed_start_;  // as it was, and with loops closed to rounding
   Simulation::Snapshot moved_;
+  bool has_friction_ = false;      // of joints or tendons
+  WorldState present_;             // then, after the step just taken
   std::vector<MatrixX> inverses_;  // per mechanism, of the rows of dq/dz of its independent joints
   Eigen::Index size_ = 0;          // N
   std::vector<Force> forces_;

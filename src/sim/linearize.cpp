@@ -247,6 +247,7 @@ void Linearization::ListCoordinates() {
   std::size_t first = 0;
   for (const MechanismDynamics& m : simulation_.world().mechanisms()) {
     const Reference& reference = out_.mechanisms.emplace_back(ReferenceOf(m));
+    has_friction_ |= !m.mechanism().frictions().empty();
     const auto joints = static_cast<Eigen::Index>(reference.joints.size());
     inverses_.push_back(SolveSquare(Rows(MatrixX(m.configuration().Q_now), reference.joints),
                                     MatrixX::Identity(joints, joints)));
@@ -361,13 +362,11 @@ Linearization::State Linearization::StateAt(const Simulation::Snapshot& moment) 
 }
 
 // From what deviations count from.
-VectorX Linearization::PresentDeviation() const {
+VectorX Linearization::PresentDeviation(const WorldState& present) const {
   VectorX out(next_.rows());
   out.head(size_) = DeviationFrom(counts_from_.mechanisms, counts_from_.free_bodies, simulation_);
   if (counts_from_.forces.empty()) return out;
   const std::vector<ContactRecord>& contacts = simulation_.world().contacts();
-  WorldState present;
-  if (counts_from_.forces.back().contact < 0) simulation_.world().Save(present);
   for (std::size_t k = 0; k < counts_from_.forces.size(); ++k) {
     const Force& force = counts_from_.forces[k];
     double& deviation = out(size_ + static_cast<Eigen::Index>(k));
@@ -390,17 +389,11 @@ VectorX Linearization::PresentDeviation() const {
 }
 
 // Of the step just taken.
-std::vector<std::string> Linearization::StuckFrictions() const {
+std::vector<std::string> Linearization::StuckFrictions(const WorldState& present) const {
   constexpr double kRounding = 1e-6;  // share of the bound that its impulse is known by
   std::vector<std::string> out;
-  const auto& mechanisms = simulation_.world().mechanisms();
-  if (std::all_of(mechanisms.begin(), mechanisms.end(),
-                  [](const MechanismDynamics& m) { return m.mechanism().frictions().empty(); }))
-    return out;
-  WorldState present;
-  simulation_.world().Save(present);
-  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
-    const auto& frictions = mechanisms[i].mechanism().frictions();
+  for (std::size_t i = 0; has_friction_ && i < out_.mechanisms.size(); ++i) {
+    const auto& frictions = simulation_.world().mechanisms()[i].mechanism().frictions();
     for (std::size_t k = 0; k < frictions.size(); ++k)
       if (std::abs(present.rows[i].friction_impulses[k]) < (1 - kRounding) * out_.dt * frictions[k].force)
         out.push_back(frictions[k].name);
@@ -482,8 +475,9 @@ Expected<bool> Linearization::Advance() {
         fmt::format(
             "a step near this state is not solved ({}); shorten the time step or choose another state",
             simulation_.world().NameOf(end.report.stage_residual_of)));
-  end.dx = PresentDeviation();
-  end.stuck = StuckFrictions();
+  if (has_friction_) simulation_.world().Save(present_);
+  end.dx = PresentDeviation(present_);
+  end.stuck = StuckFrictions(present_);
   if (taken_ == 0) out_.stuck = end.stuck;
   ++taken_;
   return true;
@@ -535,7 +529,7 @@ std::string Linearization::WhatSwitched() const {
     out += fmt::format("{}{}: {}, with changes to both sides {} and {}", out.empty() ? "" : "; ", what, here,
                        up, down);
   }
-  return out.empty() ? "as many bear, slide, act and hold; others do, or another way" : out;
+  return out.empty() ? "other contacts, stops, bounds or directions of sliding, as many as before" : out;
 }
 
 // C, of which rates and activations move nothing.

@@ -15,16 +15,17 @@ namespace fork1s::internal {
 class RunWatch {
  public:
   explicit RunWatch(const Simulation& simulation);
-  /// After a step. pushed: a wrench acted in it.
-  void Update(const Simulation& simulation, const StepReport& report, bool pushed);
+  /// After a step that was not undone.
+  void Update(const Simulation& simulation, const SanityMonitor::Seen& seen);
   /// After a change of detail or stiffness. What was seen before stays.
   void Changed(const Simulation& simulation);
-  /// remedy: as of Sentences of Interpenetration.
-  std::vector<std::string> Sentences(const std::string& remedy) const;
+  /// A sentence for each kind that was implausible.
+  std::vector<std::string> Implausible() const { return monitor_.Sentences(); }
+  /// Of each level of detail, deepest first.
+  std::vector<Interpenetration> Passed() const;
 
  private:
   void WatchInterior(const Simulation& simulation);
-  std::vector<Interpenetration> Passed() const;
 
   SanityMonitor monitor_;
   std::optional<InterpenetrationMonitor> interior_;

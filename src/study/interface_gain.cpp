@@ -5,12 +5,12 @@
 #include <fork1s/reduction/frequencies.hpp>
 #include <fork1s/sim/simulation.hpp>
 #include <numbers>
-#include <set>
 
 #include <fmt/format.h>
 
 #include "base/near_names.hpp"
 #include "base/percentile.hpp"
+#include "mechanism/rigid_groups.hpp"
 
 namespace fork1s {
 namespace {
@@ -62,21 +62,6 @@ void TryFewer(const PosedMechanism& posed, const ReducedModel& model, InterfaceG
   }
 }
 
-// Bodies with colliding shapes that move as one neither with the base nor with an interface body.
-std::vector<std::string> BodiesWithoutContact(const ReducedModel& model) {
-  const Mechanism& m = *model.mechanism;
-  std::set<int> touching{m.body(BodyIndex(0)).last_joint};
-  for (const BodyIndex b : model.interfaces) touching.insert(m.body(b).last_joint);
-  std::vector<std::string> names;
-  for (std::size_t b = 0; b < m.bodies().size(); ++b) {
-    const auto& shapes = m.definition().bodies[b].geometries;
-    if (touching.count(m.bodies()[b].last_joint) == 0 &&
-        std::any_of(shapes.begin(), shapes.end(), [](const GeometryDef& g) { return g.Collides(); }))
-      names.push_back(m.bodies()[b].name);
-  }
-  return names;
-}
-
 }  // namespace
 
 InterfaceGain MeasureInterfaceGain(const PosedMechanism& posed, const ReducedModel& model, double step_s) {
@@ -87,13 +72,11 @@ InterfaceGain MeasureInterfaceGain(const PosedMechanism& posed, const ReducedMod
   gain.coordinates = model.size();
   gain.touching = static_cast<int>(model.interfaces.size());
   for (std::size_t b = 0; b < m.definition().bodies.size(); ++b) {
-    const auto& shapes = m.definition().bodies[b].geometries;
     const bool touches = std::find(model.interfaces.begin(), model.interfaces.end(),
                                    BodyIndex(static_cast<int>(b))) != model.interfaces.end();
-    gain.shaped += touches || std::any_of(shapes.begin(), shapes.end(),
-                                          [](const GeometryDef& g) { return g.Collides(); });
+    gain.shaped += touches || internal::HasColliders(m.definition().bodies[b]);
   }
-  gain.without_contact = BodiesWithoutContact(model);
+  gain.without_contact = NamesOf(m, internal::BodiesWithoutContact(m.definition(), model.interfaces));
   if (model.num_coordinates() <= kMostCoordinates) {
     const std::vector<double> hertz = FullFrequencies(m, posed.q, model.num_coordinates());
     if (!hertz.empty()) gain.fastest_hz = *std::max_element(hertz.begin(), hertz.end());

@@ -108,6 +108,21 @@ TEST(Tuning, DoesWhatAChangedFileDoes) {
   }
 }
 
+// What a class says of an actuator is that of others as well, and what it says of its gain is not known.
+TEST(Tuning, ParametersOfAClassAreNotWritten) {
+  const std::string text =
+      R"(<mujoco><default><default class="strong"><general biastype="affine" biasprm="0.2 -8 -0.1"/>
+    </default></default><worldbody><body><joint name="j" axis="0 1 0"/><geom size="0.1"/></body></worldbody>
+    <actuator><general class="strong" name="drive" joint="j" gainprm="2"/></actuator></mujoco>)";
+  using C = ModelChange;
+  const auto copy =
+      ChangeModelText("arm.xml", text, {{C::Of::kActuator, C::Quantity::kStiffness, "drive", 20, 0, {}}}, "");
+  ASSERT_TRUE(copy) << copy.error().Text();
+  EXPECT_EQ(copy->text, text);
+  ASSERT_EQ(copy->notes.size(), 1u);
+  EXPECT_NE(copy->notes[0].find("its biasprm is that of a class"), std::string::npos) << copy->notes[0];
+}
+
 TEST(Tuning, MassBringsItsInertia) {
   LiveSimulation live = Start(Load(kArm));
   ASSERT_FALSE(live.Handle(Set("tune", 2, Find(live, "body", "ball", "mass"))));

@@ -103,6 +103,12 @@ TEST(ErrorFigure, BodyThatTurnsInPlaceHasAnErrorOfAngle) {
   }
 }
 
+TEST(ErrorFigure, WayIsNoneWithinADigitOfPositions) {
+  const Vector3 from(3, 0, 4), to = from;  // 5 m from the origin, both
+  for (const double way : {0.99e-12, 1.01e-12})
+    EXPECT_EQ(internal::WayBeyondRounding(from, to + Vector3(0, way, 0)).isZero(0), way < 1e-12) << way;
+}
+
 // A pendulum whose origin lies on its hinge, away from the world's: it moves by rounding, of which nothing is a share.
 TEST(ErrorFigure, BodyThatTurnsAboutItsOriginHasNoMotion) {
   MechanismBuilder builder("pendulum");

@@ -370,44 +370,29 @@ TEST(Linearize, BoxAgainstAPlane_IsNamed) {
     }
 }
 
-// A link on a hinge without weight, held by a servo. Its dry friction holds it unless the servo is far off; where it has
-// crept to the bound of its friction it stands on a switch.
+// A finger held by a servo of 500 N/m, with dry friction of 1 N: set-points up to 2 mm off do not move it, and where they
+// are just beyond that one side of the step does.
 TEST(Linearize, JointHeldByDryFriction_IsNamed) {
-  MechanismBuilder builder("arm");
-  BodyDef link;
-  link.name = "link";
-  link.parent = builder.base();
-  link.inertia.mass = 1;
-  link.inertia.rotational = Vector3::Constant(0.01).asDiagonal();
-  const JointIndex hinge =
-      builder.AddJoint(JointDef::Hinge("hinge", builder.AddBody(link), Vector3::UnitY()).WithSpring(10, 0.5));
-  ControlDef servo;
-  servo.name = "servo";
-  servo.terms.emplace_back(FreedomRef{hinge, 0}, 1.0);
-  servo.gain = 10;
-  servo.is_setpoint = true;
-  builder.AddControl(servo);
-  builder.SetInterfaces({"link"});
-  Scene scene;
+  Scene scene = Gripper().Make();
+  scene.free_bodies.clear();
   scene.gravity.setZero();
-  scene.mechanisms.push_back(builder.definition());
-  scene.mechanisms[0].frictions.push_back({"hinge", {{FreedomRef{hinge, 0}, 1.0}}, 0.2, {}});
-  Simulation simulation = StartFrom(scene);
-  simulation.SetControl("servo", 0.005);
-  for (int i = 0; i < 10; ++i) simulation.Step();
-  const LinearizedStep held = LinearizeOrThrow(simulation);
-  EXPECT_EQ(held.stuck, std::vector<std::string>{"hinge"});
-  EXPECT_NEAR(held.B(1, 0), 0, 1e-9);  // 1 where it moves, within rounding of differences
-  EXPECT_TRUE(held.switches.empty());
-  // 10 (u - q) is the friction at which it stops, from far away: at its bound.
-  simulation.SetControl("servo", 0.5);
-  for (int i = 0; i < 300; ++i) simulation.Step();
-  simulation.SetControl("servo", simulation.world().mechanisms()[0].configuration().q(0) + 0.02);
-  simulation.Step();
-  const LinearizedStep at_bound = LinearizeOrThrow(simulation);
-  ASSERT_FALSE(at_bound.switches.empty());
-  for (const auto& s : at_bound.switches)
-    EXPECT_NE(s.change.find("dry friction holds"), std::string::npos) << s.of << ": " << s.change;
+  MechanismDef& gripper = scene.mechanisms[0];
+  gripper.frictions.push_back({"left_grip", {{FreedomRef{gripper.FindJoint("left_grip"), 0}, 1.0}}, 1, {}});
+  for (const double share : {0.5, 1 - 1e-5, 1 + 1e-5}) {
+    Simulation simulation = StartFrom(scene);
+    simulation.SetControl("left", share * 0.002);
+    const LinearizedStep step = LinearizeOrThrow(simulation);
+    EXPECT_EQ(step.stuck.size(), share < 1 ? 1u : 0u) << share;
+    if (share < 1) {
+      EXPECT_EQ(step.stuck[0], "left_grip");
+    }
+    EXPECT_EQ(step.switches.empty(), share < 0.9) << share;
+    for (const auto& s : step.switches)
+      EXPECT_NE(s.change.find("dry friction holds"), std::string::npos) << s.of << ": " << s.change;
+    if (share < 0.9) {
+      EXPECT_NEAR(step.B(1, 0), 0, 1e-9);  // 1 where it moves, within rounding of differences
+    }
+  }
 }
 
 TEST(Linearize, HeldBall_InputsMoveIt) {

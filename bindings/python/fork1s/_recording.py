@@ -234,10 +234,6 @@ def _recording(path: str, reader: RecordingReader, data: dict[str, NDArray[Any]]
         sensors.setdefault(owner, []).append(k)
     # Of each sensor the values lie one after another.
     places = {name: slice(ks[0], ks[-1] + 1) for name, ks in sensors.items()}
-    force, normal, friction = (data[f"contacts/{key}"] for key in ("force", "normal", "friction"))
-    along = np.sum(force * normal, axis=1)
-    limit = friction * np.maximum(along, 0)
-    tangential = np.linalg.norm(force - along[:, np.newaxis] * normal, axis=1)
     wrench, spring = data["wrenches/wrench"], data["point_springs/spring"]
     read: dict[str, Any] = {
         "time": steps("time"),
@@ -276,12 +272,10 @@ def _recording(path: str, reader: RecordingReader, data: dict[str, NDArray[Any]]
             RECORDED_CONTACT,
             {
                 "bodies": np.stack([data["contacts/body_a"], data["contacts/body_b"]], axis=1),
-                "point": data["contacts/point"],
-                "normal": normal,
-                "force": force,
-                "gap": data["contacts/gap"],
-                "friction": friction,
-                "friction_use": np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0),
+                **{
+                    key: data[f"contacts/{key}"]
+                    for key in ("point", "normal", "force", "gap", "friction", "friction_use")
+                },
             },
         ),
         wrenches=table(

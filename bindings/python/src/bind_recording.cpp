@@ -5,6 +5,7 @@
 #include "text.hpp"
 
 #include <fork1s/record/recording.hpp>
+#include <fork1s/sim/run_statistics.hpp>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -64,7 +65,19 @@ struct RecordedShape {
   int body = -1;  // -1: the still world
 };
 
-// Dataset of the file -> (rows, width), but for hashes and checksums, whose 64 bits no double holds.
+// Of all contacts, as of Simulation.contacts.
+std::vector<double> FrictionUses(const RecordedSteps& steps) {
+  std::vector<double> uses;
+  for (std::size_t i = 0; i < steps.contact_friction.size(); ++i)
+    uses.push_back(ContactLoad::OfContact(Eigen::Map<const Vector3>(&steps.contact_force[3 * i]),
+                                          Eigen::Map<const Vector3>(&steps.contact_normal[3 * i]),
+                                          steps.contact_friction[i])
+                       .FrictionUse());
+  return uses;
+}
+
+// Dataset of the file -> (rows, width), but for hashes and checksums, whose 64 bits no double holds, and
+// `contacts/friction_use`.
 nb::dict RecordedColumns(const Recording& part) {
   nb::dict columns;
   internal::ForEachColumn(part.data(), internal::WidthsOf(part.header()),
@@ -78,6 +91,7 @@ nb::dict RecordedColumns(const Recording& part) {
                                                                 : Own(std::move(numbers), {rows, width});
                             }
                           });
+  columns["contacts/friction_use"] = Own(FrictionUses(part.data()), {part.data().contact_friction.size()});
   return columns;
 }
 
@@ -256,10 +270,10 @@ void BindRecording(nb::module_& m) {
             return shapes;
           },
           nb::sig("def shapes(self) -> list[RecordedShape]"))
-      .def(
-          "next", Next,
-          "Dataset of docs/formats.md -> rows of the next steps, one a step or those of a table; None at the end.",
-          nb::sig("def next(self) -> dict[str, numpy.typing.NDArray[numpy.float64]] | None"))
+      .def("next", Next,
+           "Dataset of docs/formats.md -> rows of the next steps, one a step or those of a table, and "
+           "`contacts/friction_use`; None at the end.",
+           nb::sig("def next(self) -> dict[str, numpy.typing.NDArray[numpy.float64]] | None"))
       .def(
           "no_steps", [](Reader& r) { return RecordedColumns(r.Next()); },
           "At the end of the recording: what `next` gives, without rows.",

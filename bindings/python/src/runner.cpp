@@ -88,7 +88,12 @@ internal::StepTotals Runner::Step(int steps, bool move) {
     if (error_) error_->BeginStep(simulation_);
     const StepReport step = controls ? controls->Step(simulation_) : simulation_.Step();
     if (error_) error_->EndStep(simulation_, step);
-    if (watch_) watch_->Update(simulation_, step, !wrenches.empty());
+    if (watch_ && step.finite) {
+      // The energy leaves springs to targets out: what they do comes from outside.
+      const bool pushed = !wrenches.empty() || !simulation_.last_step().point_springs.empty();
+      watch_->Update(simulation_, {simulation_.Energy(), simulation_.KineticEnergy(), simulation_.JointGap(),
+                                   pushed, step.IsSolved(), step.stages_converged ? 0 : step.stage_residual});
+    }
     report.Add(step, simulation_.world());
     if (recorder_) ValueOrThrow(recorder_->Append(simulation_, step, wrenches), recording_);
   }
@@ -209,9 +214,10 @@ std::vector<std::string> Runner::Warnings() {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> all = simulation_.warnings();
   if (!watch_) return all;
-  for (std::string& sentence :
-       watch_->Sentences("add it to interface= of load, or let all bodies touch by detail='all'"))
-    all.push_back(std::move(sentence));
+  for (auto& sentences :
+       {watch_->Implausible(),
+        Sentences(watch_->Passed(), "add it to interface= of load, or let all bodies touch by detail='all'")})
+    all.insert(all.end(), sentences.begin(), sentences.end());
   return all;
 }
 
