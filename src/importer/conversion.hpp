@@ -63,7 +63,8 @@ struct Conversion {
   const mjData& d;   // kinematics and lengths at qpos0
   std::string file;  // in messages
   bool is_urdf = false;
-  std::set<std::string> hinges;  // welds of sites that leave the rotation about z free
+  std::set<std::string> self_colliding;  // links that a URDF says touch their own robot
+  std::set<std::string> hinges;          // welds of sites that leave the rotation about z free
 
   Scene scene;
   ImportReport report;

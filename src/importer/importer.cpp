@@ -211,6 +211,7 @@ std::optional<Error> ConvertPrepared(Conversion& c, const PreparedModel& prepare
                                      const std::vector<std::string>& warnings, const ImportOptions& options) {
   c.report.format = prepared.is_urdf ? "URDF" : "MJCF";
   c.is_urdf = prepared.is_urdf;
+  c.self_colliding = prepared.extensions.self_colliding;
   c.report.notes = prepared.notes;
   c.report.velocity_limits = prepared.velocity_limits;
   for (const UrdfLoop& loop : prepared.extensions.loops)

@@ -80,35 +80,71 @@ bool HasAdhesion(const MechanismDef& mechanism, const BodyDef& body) {
                      [&](const AdhesionDef& a) { return a.body == body.name; });
 }
 
-// Bodies of explicit contact pairs and of adhesion, and those that can touch and have no touching body beyond a joint; if
-// nothing can touch, the last bodies.
-std::vector<std::string> ChooseInterfaces(const MechanismDef& mechanism, bool* by_contact) {
+enum class Touching {
+  kAll,        // bodies with colliding shapes
+  kOutermost,  // those with no other beyond a joint, and those of explicit contact pairs and of adhesion
+  kLast,       // leaves, whatever they carry
+};
+
+// One body of each rigid group, which touches as one.
+std::vector<std::string> Bodies(const MechanismDef& mechanism, Touching which) {
   const std::size_t n = mechanism.bodies.size();
   const std::vector<std::size_t> group = RigidGroups(mechanism);
-  for (const bool contact : {true, false}) {
-    // `beyond`: a candidate lies below, past a joint; `below`: below, joint or not.
-    std::vector<bool> beyond(n, false), below(n, false);
-    std::vector<std::string> names;
-    std::vector<std::size_t> groups_named;  // a rigid group touches as one: its outermost body stands for it
-    for (std::size_t b = n; b-- > 1;) {
-      const bool candidate = contact ? HasColliders(mechanism.bodies[b]) : true;
-      const bool here = candidate || below[b];
-      const std::size_t p = mechanism.bodies[b].parent.u();
-      below[p] = below[p] || here;
-      beyond[p] = beyond[p] || beyond[b] || (here && group[b] == b);
-      // Without contact, a leaf is enough: a welded child already stands for its parent.
-      const bool outermost = !beyond[b] && (contact || !below[b]);
-      if (candidate && group[b] > 0 &&
-          (outermost || IsInPair(mechanism.bodies[b]) || HasAdhesion(mechanism, mechanism.bodies[b]))) {
-        if (std::find(groups_named.begin(), groups_named.end(), group[b]) != groups_named.end()) continue;
-        groups_named.push_back(group[b]);
-        names.insert(names.begin(), mechanism.bodies[b].name);
-      }
-    }
-    *by_contact = contact;
-    if (!names.empty()) return names;
+  // `beyond`: a candidate lies below, past a joint; `below`: below, joint or not.
+  std::vector<bool> beyond(n, false), below(n, false);
+  std::vector<std::string> names;
+  std::vector<std::size_t> groups_named;  // its outermost body stands for it
+  for (std::size_t b = n; b-- > 1;) {
+    const BodyDef& body = mechanism.bodies[b];
+    const bool candidate = which == Touching::kLast || HasColliders(body);
+    const bool here = candidate || below[b];
+    const std::size_t p = body.parent.u();
+    below[p] = below[p] || here;
+    beyond[p] = beyond[p] || beyond[b] || (here && group[b] == b);
+    // A leaf is enough: a welded child already stands for its parent.
+    const bool last = !beyond[b] && !(which == Touching::kLast && below[b]);
+    const bool wanted = which == Touching::kAll || last || IsInPair(body) || HasAdhesion(mechanism, body);
+    if (!candidate || !wanted || group[b] == 0 ||
+        std::find(groups_named.begin(), groups_named.end(), group[b]) != groups_named.end())
+      continue;
+    groups_named.push_back(group[b]);
+    names.insert(names.begin(), body.name);
   }
-  return {};
+  return names;
+}
+
+// Where that many bodies would not keep a mechanism from being reduced, all that can touch do: the coordinates are
+// then few, or at most twice the six of each outermost body.
+Touching ChooseTouching(const MechanismDef& mechanism, std::size_t num_outermost) {
+  constexpr std::size_t kFewCoordinates = 24;
+  if (num_outermost == 0) return Touching::kLast;
+  std::size_t coordinates = 0;
+  for (const JointDef& joint : mechanism.joints) coordinates += joint.freedoms.size();
+  return coordinates <= std::max(kFewCoordinates, 2 * 6 * num_outermost) ? Touching::kAll
+                                                                         : Touching::kOutermost;
+}
+
+// Shapes of a URDF often overlap those of its own robot as its joints move, which readers of the format leave out
+// unless told otherwise: of the interfaces, only `outermost` touch each other and the base, and links that are said to.
+bool ExcludeInnerPairs(Conversion& c, const MechanismDef& mechanism,
+                       const std::vector<std::string>& outermost) {
+  const std::vector<std::size_t> group = RigidGroups(mechanism);
+  std::vector<bool> is_outer(group.size(), false);  // per body that names its group
+  is_outer[0] = true;
+  for (const std::string& name : outermost) is_outer[group[mechanism.FindBody(name).u()]] = true;
+  std::vector<std::string> bodies = mechanism.interfaces;
+  if (mechanism.bodies[0].name != "world") bodies.push_back(mechanism.bodies[0].name);
+  bool any = false;
+  for (std::size_t a = 0; a < bodies.size(); ++a)
+    for (std::size_t b = a + 1; b < bodies.size(); ++b) {
+      const auto both = [&](const auto& is) { return is(bodies[a]) && is(bodies[b]); };
+      const bool touch =
+          both([&](const std::string& name) { return is_outer[group[mechanism.FindBody(name).u()]]; }) ||
+          both([&](const std::string& name) { return c.self_colliding.count(name) > 0; });
+      if (!touch) c.scene.excluded_pairs.emplace_back(bodies[a], bodies[b]);
+      any = any || !touch;
+    }
+  return any;
 }
 
 // Words of the caller are at fault where these are no names; words of the file where its own are not.
@@ -164,13 +200,20 @@ std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options
   std::size_t chosen = 0;
   for (MechanismDef& mechanism : c.scene.mechanisms) {
     if (!mechanism.interfaces.empty()) continue;
-    bool by_contact = false;
-    mechanism.interfaces = ChooseInterfaces(mechanism, &by_contact);
+    const std::vector<std::string> outermost = Bodies(mechanism, Touching::kOutermost);
+    const Touching which = ChooseTouching(mechanism, outermost.size());
+    mechanism.interfaces = Bodies(mechanism, which);
     mechanism.interfaces_chosen = false;
+    const bool excluded = c.is_urdf && which == Touching::kAll && ExcludeInnerPairs(c, mechanism, outermost);
     if (++chosen > kNotes) continue;
     std::string text =
         fmt::format("no interface was named, so it touches by {}: {}", Quoted(mechanism.interfaces, 24),
-                    by_contact ? "the outermost bodies with colliding shapes" : "its last bodies");
+                    which == Touching::kAll         ? "all bodies with colliding shapes"
+                    : which == Touching::kOutermost ? "the outermost bodies with colliding shapes"
+                                                    : "its last bodies");
+    if (excluded)
+      text += fmt::format("; of these only {} touch other bodies of its own, and links with <self_collide>",
+                          Quoted(outermost, 24));
     std::vector<BodyIndex> touching;
     for (const std::string& name : mechanism.interfaces) touching.push_back(mechanism.FindBody(name));
     if (const std::size_t others = BodiesWithoutContact(mechanism, touching).size(); others > 0)

@@ -60,7 +60,7 @@ class ExtensionReader {
              "its two bodies stay apart; <drake:ball_constraint> and <loop_joint> close loops here");
       if (error) return error;
     }
-    ExcludeLinks();
+    ReadSelfCollision();
     for (const auto& [name, count] : unread_)
       Drop(fmt::format("{} <{}> in <gazebo>", count, name), "it has no meaning here");
     return std::nullopt;
@@ -157,19 +157,22 @@ class ExtensionReader {
     out_.joints.push_back(std::move(joint));
   }
 
-  // Pairs of links of which one says that it does not touch its own robot.
-  void ExcludeLinks() {
-    const auto touches = [&](const std::string& link) {
+  // Links that are said to touch their own robot, and pairs of which one is said not to.
+  void ReadSelfCollision() {
+    const auto said = [&](const std::string& link) {
       const auto own = collides_.find(link);
-      return own != collides_.end() ? own->second.value_or(true) : all_collide_.value_or(true);
+      return own != collides_.end() ? own->second : all_collide_;
     };
     std::vector<std::string> shaped;
     for (const XMLElement* e = robot_.FirstChildElement("link"); e != nullptr;
          e = e->NextSiblingElement("link"))
       if (e->FirstChildElement("collision") != nullptr) shaped.push_back(NameOf(*e));
-    for (std::size_t a = 0; a < shaped.size(); ++a)
+    for (std::size_t a = 0; a < shaped.size(); ++a) {
+      if (said(shaped[a]).value_or(false)) out_.self_colliding.insert(shaped[a]);
       for (std::size_t b = a + 1; b < shaped.size(); ++b)
-        if (!(touches(shaped[a]) && touches(shaped[b]))) out_.excluded.emplace_back(shaped[a], shaped[b]);
+        if (!(said(shaped[a]).value_or(true) && said(shaped[b]).value_or(true)))
+          out_.excluded.emplace_back(shaped[a], shaped[b]);
+    }
   }
 
   std::optional<Error> CheckLink(const XMLElement& loop, const XMLElement* end, const char* attribute,

@@ -6,6 +6,7 @@
 #include <fork1s/spatial/rigid_transform.hpp>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -41,6 +42,7 @@ struct UrdfExtensions {
   std::map<std::string, double> friction;  // coefficient of all shapes of a link
   std::vector<UrdfLoop> loops;
   std::vector<std::pair<std::string, std::string>> excluded;  // links that do not touch
+  std::set<std::string> self_colliding;                       // links of which it is said that they do
 };
 
 /// Whether ReadExtensions reads elements of that name, or notes them one by one.

@@ -25,7 +25,7 @@ PredictedImpact FindPredictedImpact(const ImpactView& at) {
   for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
     const ContactPoint& p = at.detection.points[i];
     const double closing = at.approaches.closing[i];
-    if (p.gap < first.time * closing && closing > at.approaches.SpeedOfImpact(p) && !at.CarriedLoad(i))
+    if (p.gap < first.time * closing && closing > at.approaches.impact_speed && !at.CarriedLoad(i))
       first = {ContactOf(p), p.gap / closing};
   }
   return first;
@@ -41,7 +41,7 @@ StepSubject FindImpact(const ImpactView& at, double h) {
   for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
     if (!(at.rows.contacts[i].impulse(0) > 0) || at.CarriedLoad(i)) continue;
     const ContactPoint& p = at.detection.points[i];
-    const double speed = at.approaches.SpeedOfImpact(p);
+    const double speed = at.approaches.impact_speed;
     if (at.approaches.closing[i] > speed || p.gap > h * speed) return ContactOf(p);
   }
   return {};
@@ -79,7 +79,7 @@ StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts)
     if (!stop.bore && stop.base_gap < -h * at.approaches.impact_speed) return StopOf(stop);
   for (std::size_t i = 0; contacts && i < at.detection.points.size(); ++i) {
     const ContactPoint& p = at.detection.points[i];
-    if (!at.CarriedLoad(i) && p.gap < -h * at.approaches.SpeedOfImpact(p)) return ContactOf(p);
+    if (!at.CarriedLoad(i) && p.gap < -h * at.approaches.impact_speed) return ContactOf(p);
   }
   return {};
 }

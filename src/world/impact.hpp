@@ -12,8 +12,6 @@ namespace fork1s {
 struct Approaches {
   /// `step`: the whole step, of which the one at hand may be a part.
   void SetSpeeds(const StepOptions& step);
-  /// m/s; what has restitution parts again from any.
-  double SpeedOfImpact(const ContactPoint& point) const { return point.restitution > 0 ? 0 : impact_speed; }
 
   std::vector<double> rebound;      // m/s, per contact that may part again; 0 for others
   std::vector<double> closing;      // m/s, per contact, at the start of the step or stage

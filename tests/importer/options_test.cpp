@@ -1,6 +1,8 @@
 // Interfaces, base, PD control, keyframes as initial states.
 #include "importer/model_copy.hpp"
 
+#include <fmt/format.h>
+
 #include "helpers.hpp"
 
 namespace fork1s::testing_importer {
@@ -18,16 +20,40 @@ constexpr const char* kHand = R"(<mujoco><compiler angle="radian"/><worldbody>
   <keyframe><key name="home" qpos=".1 .2 .3 .4" ctrl=".5"/><key name="far" qpos="1 1 1 1" ctrl="7"/></keyframe>
   <custom><numeric name="fork1s_modes" data="7"/></custom></mujoco>)";
 
-TEST(ImportOptionsTest, ChoosesTheOutermostColliders) {
+TEST(ImportOptionsTest, ChoosesAllCollidersOfASmallMechanism) {
   const ImportedScene loaded = MustLoad(kHand);
   const MechanismDef& hand = loaded.scene.mechanisms[0];
-  EXPECT_EQ(hand.interfaces, (std::vector<std::string>{"f1tip", "f2"}));
+  // The base always touches, and a nail without collision does not count.
+  EXPECT_EQ(hand.interfaces, (std::vector<std::string>{"f1", "f1tip", "f2"}));
   EXPECT_FALSE(hand.interfaces_chosen);
   EXPECT_EQ(hand.modes, 7);
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "'f1tip' and 'f2'"));
-  // 'f1' collides and is no interface; the base always touches, and a nail without collision does not count.
-  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "1 more with such shapes touches nothing"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen,
+                      "'f1', 'f1tip' and 'f2': all bodies with colliding shapes"));
+  EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kChosen, "touches nothing"));
   EXPECT_EQ(loaded.initial_keyframe, -1);
+}
+
+// `chains` chains of `links` hinges on one base.
+std::string Chains(int chains, int links) {
+  std::string text = "<mujoco><worldbody><body name='base'><geom size='.1'/>";
+  for (int c = 0; c < chains; ++c) {
+    for (int l = 0; l < links; ++l)
+      text += fmt::format(
+          "<body name='c{0}l{1}' pos='{2} 0 .1'><joint name='c{0}j{1}' stiffness='1'/><geom size='.02'/>", c,
+          l, l == 0 ? c : 0);
+    for (int l = 0; l < links; ++l) text += "</body>";
+  }
+  return text + "</body></worldbody></mujoco>";
+}
+
+// 24 coordinates, or 12 for each outermost body.
+TEST(ImportOptionsTest, ChoosesTheOutermostCollidersOfALargeMechanism) {
+  EXPECT_EQ(MustLoad(Chains(1, 24)).scene.mechanisms[0].interfaces.size(), 24u);
+  const ImportedScene loaded = MustLoad(Chains(1, 25));
+  EXPECT_EQ(loaded.scene.mechanisms[0].interfaces, (std::vector<std::string>{"c0l24"}));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "24 more with such shapes touch nothing"));
+  EXPECT_EQ(MustLoad(Chains(3, 12)).scene.mechanisms[0].interfaces.size(), 36u);
+  EXPECT_EQ(MustLoad(Chains(3, 13)).scene.mechanisms[0].interfaces.size(), 3u);
 }
 
 TEST(ImportOptionsTest, ChoosesLeavesWhereNothingCollides) {

@@ -97,6 +97,41 @@ TEST(UrdfExtensions, SelfCollide_KeepsALinkFromTouchingItsRobot) {
       "a", "b"));
 }
 
+// All links touch the world; of one robot the outermost and the base do, and those that are said to.
+TEST(UrdfExtensions, SelfCollide_LetsInnerLinksTouchTheirRobot) {
+  const std::string ball =
+      kInertial + Part("collision", "<sphere radius=\".01\"/>", "<origin xyz=\"0 0 .1\"/>");
+  const auto robot = [&](const std::string& more) {
+    return MustLoad(Robot(Link("base", ball) + Link("a", ball) + Link("b", ball) + Link("c", ball) +
+                          Joint("i", "continuous", "base", "a") + Joint("j", "continuous", "a", "b") +
+                          Joint("k", "continuous", "b", "c") + more));
+  };
+  const ImportedScene silent = robot("");
+  EXPECT_EQ(silent.scene.mechanisms[0].interfaces, (std::vector<std::string>{"a", "b", "c"}));
+  EXPECT_TRUE(HasNote(silent.report, Kind::kChosen, "of these only 'c' touch other bodies of its own"));
+  const auto has = [](const ImportedScene& loaded, const char* a, const char* b) {
+    const Pairs& pairs = loaded.scene.excluded_pairs;
+    return std::count(pairs.begin(), pairs.end(), std::pair<std::string, std::string>(a, b)) > 0;
+  };
+  EXPECT_TRUE(has(silent, "a", "c"));
+  EXPECT_TRUE(has(silent, "b", "base"));
+  EXPECT_FALSE(has(silent, "c", "base"));
+  const ImportedScene all = robot("<gazebo><self_collide>true</self_collide></gazebo>");
+  EXPECT_TRUE(all.scene.excluded_pairs.empty());
+  const ImportedScene two =
+      robot(Gazebo("a", "<selfCollide>1</selfCollide>") + Gazebo("c", "<selfCollide>1</selfCollide>"));
+  EXPECT_FALSE(has(two, "a", "c"));
+  EXPECT_TRUE(has(two, "b", "base"));
+  ImportOptions options;
+  options.interfaces = {"a", "c"};
+  EXPECT_FALSE(
+      HasNote(MustLoad(Robot(Link("base", ball) + Link("a", ball) + Link("c", ball) +
+                             Joint("i", "continuous", "base", "a") + Joint("k", "continuous", "a", "c")),
+                       options)
+                  .report,
+              Kind::kChosen, "of its own"));
+}
+
 // A parallelogram of two cranks of .2 m and a coupler of .3 m; it stands in the plane whose normal is y.
 std::string Parallelogram(const std::string& closure) {
   const auto at = [](const char* xyz) {

@@ -78,10 +78,16 @@ TEST(Impact, SpeedIsTheDepthOfTheMaterialInAStep) {
 
 TEST(Impact, ForeseenIsTheFirstThatClosesAtTheSpeedOfAnImpact) {
   OneContact c;
-  for (const double speed : {0.99e-3, 1.01e-3}) {
-    c.approaches.closing = {speed};
-    EXPECT_EQ(Found(FindPredictedImpact(c.At()).of), speed > 1e-3) << speed;
-  }
+  // A patch at rest with restitution would be met in every step, were any speed an impact.
+  for (const double restitution : {0.0, 0.5})
+    for (const double speed : {0.99e-3, 1.01e-3}) {
+      c.detection.points[0].restitution = restitution;
+      c.approaches.closing = {speed};
+      EXPECT_EQ(Found(FindPredictedImpact(c.At()).of), speed > 1e-3) << speed;
+      c.rows.contacts[0].impulse(0) = 1;
+      EXPECT_EQ(Found(FindImpact(c.At(), c.h)), speed > 1e-3) << speed;
+      c.rows.contacts[0].impulse(0) = 0;
+    }
   c.approaches.closing = {2};
   for (const double gap : {-1e-3, 1e-2}) {
     c.detection.points[0].gap = gap;
