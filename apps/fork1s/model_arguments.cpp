@@ -142,8 +142,7 @@ void ModelArguments::AddTo(CLI::App& command) {
       ->allow_extra_args(false);
   command.add_flag(
       "--keep-start", keep_start,
-      "joints that the file starts outside their limits start there, with their stop, and not at "
-      "the nearest value inside");
+      "joints that the file starts outside their limits start there, and not at the nearest value inside");
   command.add_flag(
       "--hold", hold,
       "position servos start with the set-points that hold where the joints start, and not with those of "

@@ -100,27 +100,6 @@ void ConvertFriction(Conversion& c) {
   }
 }
 
-void ConvertTendonLimits(Conversion& c) {
-  const mjModel& m = c.m;
-  if (m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT)) return;
-  for (int t = 0; t < m.ntendon; ++t) {
-    if (!m.tendon_limited[t]) continue;
-    const Length length = TendonLength(m, c.d, t);
-    const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
-    if (length.terms.empty()) {
-      c.Dropped(fmt::format("length limit of tendon '{}'", name), "it moves nothing here");
-      continue;
-    }
-    LengthLimitDef limit;
-    limit.name = name;
-    c.PutLength(length, limit);
-    const auto [lower, upper] = LimitedRange(m.tendon_range + 2 * t, m.tendon_margin[t]);
-    limit.lower = lower - length.at_reference;
-    limit.upper = upper - length.at_reference;
-    c.scene.mechanisms[c.MechanismOf(length.terms[0].first)].length_limits.push_back(std::move(limit));
-  }
-}
-
 // PD control on joints that bound the force of their actuators, as effort in URDF does.
 void BoundPdControls(Conversion& c, const std::vector<bool>& driven) {
   const mjModel& m = c.m;
@@ -148,10 +127,30 @@ void BoundPdControls(Conversion& c, const std::vector<bool>& driven) {
 
 }  // namespace
 
+void ConvertTendonLimits(Conversion& c) {
+  const mjModel& m = c.m;
+  if (m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT)) return;
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (!m.tendon_limited[t]) continue;
+    const Length length = TendonLength(m, c.d, t);
+    const std::string name = NameOr(m, m.name_tendonadr[t], "tendon", t);
+    if (length.terms.empty()) {
+      c.Dropped(fmt::format("length limit of tendon '{}'", name), "it moves nothing here");
+      continue;
+    }
+    LengthLimitDef limit;
+    limit.name = name;
+    c.PutLength(length, limit);
+    const auto [lower, upper] = LimitedRange(m.tendon_range + 2 * t, m.tendon_margin[t]);
+    limit.lower = lower - length.at_reference;
+    limit.upper = upper - length.at_reference;
+    c.scene.mechanisms[c.MechanismOf(length.terms[0].first)].length_limits.push_back(std::move(limit));
+  }
+}
+
 void ConvertBoundedForces(Conversion& c) {
   const mjModel& m = c.m;
   ConvertFriction(c);
-  ConvertTendonLimits(c);
   if (m.opt.disableflags & mjDSBL_ACTUATION) return;
   const std::vector<LinearActuator> actuators = LinearActuators(m, c.d);
   // Of each joint with bounds on the sum, its actuators.

@@ -225,7 +225,9 @@ std::vector<std::string> ListedNames(const std::string& text,
 std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options);
 /// Initial states (keyframes.cpp).
 std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);
-/// Base pose and joint coordinates of the options, followers with an offset and joints inside their limits,
+/// Stops of tendons (bounded_forces.cpp).
+void ConvertTendonLimits(Conversion& c);
+/// Base pose and joint coordinates of the options, followers with an offset, joints and tendons inside their limits,
 /// loops closed (initial_state.cpp); before ApplyPd, which holds it.
 std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options,
                                        const std::vector<Mimic>& mimics);

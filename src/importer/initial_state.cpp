@@ -152,6 +152,17 @@ std::vector<Asked> NearestInside(const Conversion& c, int mechanism, const Vecto
   return nearest;
 }
 
+// No force brings joints inside limits in which their loops do not close.
+void WidenLimits(Conversion& c, int mechanism, const std::vector<Asked>& outside, const VectorX& q) {
+  MechanismDef& definition = c.scene.mechanisms[mechanism];
+  for (const Asked& one : outside) {
+    FreedomDef& freedom = definition.joints[one.freedom.joint.u()].freedoms[one.freedom.freedom];
+    const double at = q[CoordinateOf(definition, one.freedom)];
+    freedom.lower = std::min(freedom.lower, at);
+    freedom.upper = std::max(freedom.upper, at);
+  }
+}
+
 // A joint does not start outside its limits, unless its loops do not close inside them or `keep` is set.
 void MoveInsideLimits(Conversion& c, int mechanism, std::vector<Asked> asked, bool keep, VectorX& q) {
   const std::vector<Asked> nearest = NearestInside(c, mechanism, q);
@@ -160,19 +171,91 @@ void MoveInsideLimits(Conversion& c, int mechanism, std::vector<Asked> asked, bo
   VectorX inside = q;
   std::vector<std::string> names;
   for (const Asked& one : nearest) names.push_back(one.joint);
-  if (keep) {
+  if (MoveTo(c, mechanism, asked, inside)) {
+    WidenLimits(c, mechanism, nearest, q);
     c.ChangedMany("joint", names,
-                  "starts outside its limits, as the file has it: its stop is where it starts");
+                  "starts outside its limits, since its loops stay open inside them: its stop is where it "
+                  "starts");
     return;
   }
-  if (MoveTo(c, mechanism, asked, inside)) {
-    c.ChangedMany("joint", names, "starts outside its limits, since its loops stay open inside them");
+  if (keep) {
+    c.ChangedMany("joint", names,
+                  "starts outside its limits, as the file has it: it is brought inside at a bounded speed");
     return;
   }
   q = inside;
   c.ChangedMany("joint", names,
                 "the file starts it outside its limits: it starts at the nearest value inside; the option "
                 "keep-start starts it where the file does");
+}
+
+double LengthOf(const MechanismDef& definition, const LengthLimitDef& limit, const VectorX& q) {
+  double length = 0;
+  for (const auto& [freedom, coefficient] : limit.terms)
+    length += coefficient * q[CoordinateOf(definition, freedom)];
+  return length;
+}
+
+bool Outside(const LengthLimitDef& limit, double length) {
+  constexpr double kRounding = 1e-9;  // rad or m; limits are written with that many digits
+  return length < limit.lower - kRounding || length > limit.upper + kRounding;
+}
+
+// The least displacements of joints within their limits that bring a sum of coordinates inside its own; those of `fixed`
+// stay. Less than that where the limits of joints do not allow it.
+std::vector<Asked> NearestInside(const MechanismDef& definition, int mechanism, const LengthLimitDef& limit,
+                                 const std::vector<Asked>& fixed, VectorX q) {
+  auto movable = limit.terms;
+  std::erase_if(movable, [&](const auto& term) {
+    const int at = CoordinateOf(definition, term.first);
+    return term.second == 0 || std::any_of(fixed.begin(), fixed.end(), [&](const Asked& one) {
+             return CoordinateOf(definition, one.freedom) == at;
+           });
+  });
+  std::vector<Asked> moved;
+  for (const auto& term : movable)
+    moved.push_back({{definition.joints[term.first.joint.u()].name, term.first, 0}, mechanism});
+  while (!movable.empty()) {
+    const double length = LengthOf(definition, limit, q),
+                 missing = std::clamp(length, limit.lower, limit.upper) - length;
+    double squares = 0;
+    for (const auto& term : movable) squares += term.second * term.second;
+    const std::size_t before = movable.size();
+    std::erase_if(movable, [&](const auto& term) {
+      const FreedomDef& freedom = definition.joints[term.first.joint.u()].freedoms[term.first.freedom];
+      double& at = q[CoordinateOf(definition, term.first)];
+      const double wanted = at + term.second * missing / squares;
+      at = std::clamp(wanted, freedom.lower, freedom.upper);
+      return at != wanted;
+    });
+    if (movable.size() == before) break;
+  }
+  for (Asked& one : moved) one.displacement = q[CoordinateOf(definition, one.freedom)];
+  return moved;
+}
+
+// Nor does a tendon that is a sum of coordinates, where joints inside their limits can bring it inside.
+void MoveTendonsInside(Conversion& c, int mechanism, const std::vector<Asked>& asked, bool keep, VectorX& q) {
+  const MechanismDef& definition = c.scene.mechanisms[mechanism];
+  std::vector<std::string> moved, outside;
+  for (const LengthLimitDef& limit : definition.length_limits) {
+    if (limit.along.path >= 0 || !Outside(limit, LengthOf(definition, limit, q))) continue;
+    std::vector<Asked> wanted = NearestInside(definition, mechanism, limit, asked, q);
+    wanted.insert(wanted.end(), asked.begin(), asked.end());
+    VectorX inside = q;
+    if (keep || MoveTo(c, mechanism, wanted, inside) || !NearestInside(c, mechanism, inside).empty() ||
+        Outside(limit, LengthOf(definition, limit, inside))) {
+      outside.push_back(limit.name);
+      continue;
+    }
+    q = inside;
+    moved.push_back(limit.name);
+  }
+  c.ChangedMany(
+      "tendon", moved,
+      "the file starts it outside its limits: its joints start where it is at the nearest value inside; "
+      "the option keep-start starts them where the file does");
+  c.ChangedMany("tendon", outside, "starts outside its limits: it is brought inside at a bounded speed");
 }
 
 std::optional<Error> SetCoordinates(Conversion& c, const ImportOptions& options,
@@ -192,6 +275,7 @@ std::optional<Error> SetCoordinates(Conversion& c, const ImportOptions& options,
     if (auto error = MoveTo(c, i, leaders[i], q)) return error;
     if (auto error = MoveTo(c, i, asked[i], q)) return error;
     MoveInsideLimits(c, i, asked[i], options.keep_start, q);
+    MoveTendonsInside(c, i, asked[i], options.keep_start, q);
     moved = moved || !asked[i].empty() || q != before;
   }
   if (!moved) return std::nullopt;

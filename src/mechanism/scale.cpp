@@ -56,4 +56,34 @@ MechanismDef SetStiffness(MechanismDef definition, FreedomRef freedom, double st
   return definition;
 }
 
+MechanismDef SetStiffness(MechanismDef definition, const std::string& spring, double stiffness) {
+  FORK1S_REQUIRE(stiffness > 0 && std::isfinite(stiffness), "a stiffness of", stiffness,
+                 "; give more than 0");
+  const double before = StiffnessOf(definition, spring);
+  FORK1S_REQUIRE(before > 0, "no spring", spring, "has a stiffness");
+  const double factor = stiffness / before, root = std::sqrt(factor);
+  for (SpringDef& s : definition.springs) {
+    if (s.name != spring) continue;
+    s.stiffness *= factor;
+    s.damping *= root;
+    for (double& higher : s.higher_stiffness) higher *= factor;
+    for (double& higher : s.higher_damping) higher *= root;
+  }
+  for (ForceLimitDef& limit : definition.force_limits) {
+    if (limit.name != spring) continue;
+    limit.stiffness *= factor;
+    limit.damping *= root;
+  }
+  for (ControlDef& control : definition.controls)
+    if (control.name == spring && control.is_setpoint) control.gain *= factor;
+  return definition;
+}
+
+double StiffnessOf(const MechanismDef& definition, const std::string& spring) {
+  double sum = 0;
+  for (const SpringDef& s : definition.springs)
+    if (s.name == spring) sum += s.stiffness;
+  return sum;
+}
+
 }  // namespace fork1s

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <fork1s/mechanism/set_stiffness.hpp>
 
 namespace fork1s::internal {
 namespace {
@@ -49,6 +50,24 @@ void SetSensorStiffness(std::size_t mechanism, FreedomRef freedom, double stiffn
     spring.rest = own.rest;
     spring.stiffness = stiffness;
     sensor.springs.push_back({static_cast<int>(mechanism), std::move(spring)});
+  }
+}
+
+void SetSensorStiffness(std::size_t mechanism, const std::string& spring, double stiffness, Scene& scene) {
+  const double factor = stiffness / StiffnessOf(scene.mechanisms[mechanism], spring);
+  const auto is_servo = [&](const SensorActuator& actuator) {
+    return actuator.mechanism == static_cast<int>(mechanism) &&
+           std::any_of(actuator.inputs.begin(), actuator.inputs.end(),
+                       [&](const auto& input) { return input.first == spring; });
+  };
+  for (SensorDef& sensor : scene.sensors) {
+    for (SensorActuator& actuator : sensor.actuators)
+      if (is_servo(actuator)) Scale(scene, factor, actuator);
+    for (SensorSpring& of : sensor.springs) {
+      if (of.mechanism != static_cast<int>(mechanism) || of.spring.name != spring) continue;
+      of.spring.stiffness *= factor;
+      for (double& higher : of.spring.higher_stiffness) higher *= factor;
+    }
   }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fork1s/mechanism/scene.hpp>
+#include <string>
 
 namespace fork1s::internal {
 
@@ -9,5 +10,7 @@ namespace fork1s::internal {
 void ScaleSensorLaws(double factor, Scene& scene);
 /// Before SetStiffness of that freedom of a mechanism of the scene.
 void SetSensorStiffness(std::size_t mechanism, FreedomRef freedom, double stiffness, Scene& scene);
+/// Before SetStiffness of the springs of that name.
+void SetSensorStiffness(std::size_t mechanism, const std::string& spring, double stiffness, Scene& scene);
 
 }  // namespace fork1s::internal

@@ -140,9 +140,7 @@ std::vector<int> FindInteriorStops(const ReducedModel& model, const Kinematics& 
       const Mechanism::LengthLimit& limit = m.length_limits()[static_cast<std::size_t>(stop)];
       const double at = LengthOf(m, length, kinematics, model.q_ref), whole = limit.upper - limit.lower,
                    tolerance = kShare * (std::isfinite(whole) ? whole : unit);
-      // A joint that starts outside keeps its place as its stop.
-      acts = at + range.upper > std::max(limit.upper, at) + tolerance ||
-             at + range.lower < std::min(limit.lower, at) - tolerance;
+      acts = at + range.upper > limit.upper + tolerance || at + range.lower < limit.lower - tolerance;
     } else if (stop < limits + servos) {
       const Mechanism::ForceLimit& servo = m.force_limits()[static_cast<std::size_t>(stop - limits)];
       const double bound = std::min(std::abs(servo.lower), std::abs(servo.upper));

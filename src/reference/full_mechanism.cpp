@@ -39,19 +39,15 @@ Expected<FullMechanism> FullMechanism::Create(std::shared_ptr<const Mechanism> m
   m.controls.resize(static_cast<Eigen::Index>(def.controls().size()));
   for (std::size_t i = 0; i < def.controls().size(); ++i)
     m.controls(static_cast<Eigen::Index>(i)) = def.controls()[i].initial;
-  // A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for
-  // ever.
-  m.length_limits_ = def.length_limits();
-  for (Mechanism::LengthLimit& limit : m.length_limits_) {
+  // ContactSet brings such a length inside at the speed at which it parts bodies that overlap.
+  for (const Mechanism::LengthLimit& limit : def.length_limits()) {
     const double length = m.Length(limit.length, m.q_);
     const double outside = std::max(limit.lower - length, length - limit.upper);
-    limit.lower = std::min(limit.lower, length);
-    limit.upper = std::max(limit.upper, length);
     const bool turns =
         limit.length.path < 0 && !limit.length.terms.empty() && def.Turns(limit.length.terms[0].first);
     if (outside > 1e-3)
       m.warnings_.push_back(limit.WhatAndName() + " starts outside its limits by " + std::to_string(outside) +
-                            (turns ? " rad" : " m") + "; the limit was moved to the initial pose");
+                            (turns ? " rad" : " m") + "; it is brought inside at a bounded speed");
   }
   m.StartMotion(q_dot0, V_R);
   return m;

@@ -92,8 +92,7 @@ class FullMechanism {
   VectorX CoordinateForces(const VectorX& q, VectorX force) const;
   /// Eᵀ diag(weights) E (n x n).
   MatrixX OnCoordinates(const VectorX& q, const VectorX& weights) const;
-  /// Widened to the initial pose where that was outside.
-  const std::vector<Mechanism::LengthLimit>& length_limits() const { return length_limits_; }
+  const std::vector<Mechanism::LengthLimit>& length_limits() const { return mechanism_->length_limits(); }
   const std::vector<std::string>& warnings() const { return warnings_; }
 
   VectorX controls;  // what forces are proportional to: inputs, or activations where they have dynamics
@@ -221,7 +220,6 @@ class FullMechanism {
   std::vector<int> column_;  // per body
   std::vector<Matrix6> inertia_;
   int num_body_columns_ = 0, num_velocities_ = 0, num_rows_ = 0, first_loop_row_ = 0;
-  std::vector<Mechanism::LengthLimit> length_limits_;
   std::vector<std::string> warnings_;
 
   // State.

@@ -84,7 +84,21 @@ Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double
         known += (known.empty() ? "" : ", ") + built->CoordinateName(at);
       }
   }
-  return Fail(ErrorCode::kUsage, "joint coordinate '" + coordinate + "'", "there are: " + known);
+  for (MechanismDef& def : scene.mechanisms) {
+    if (StiffnessOf(def, coordinate) > 0) {
+      if (stiffness == 0)
+        return Fail(ErrorCode::kUsage, "stiffness of '" + coordinate + "'",
+                    "must be above 0 for a tendon or its servo");
+      internal::SetSensorStiffness(static_cast<std::size_t>(&def - scene.mechanisms.data()), coordinate,
+                                   stiffness, scene);
+      def = SetStiffness(std::move(def), coordinate, stiffness);
+      return scene;
+    }
+    for (const SpringDef& spring : def.springs)
+      if (spring.stiffness > 0) known += (known.empty() ? "" : ", ") + spring.name;
+  }
+  return Fail(ErrorCode::kUsage, "joint coordinate, tendon or servo of a tendon '" + coordinate + "'",
+              "there are: " + known);
 }
 
 Expected<Simulation> Continue(const Simulation& from, Scene scene) {

@@ -35,6 +35,22 @@ ContactLoad LoadOf(const Vector3& force_W, const Vector3& moment_W, double norma
 // Of a body that moves by V, at a place that is that far from its origin.
 Vector3 VelocityAt(const Vector6& V, const Vector3& arm) { return V.tail<3>() + V.head<3>().cross(arm); }
 
+struct BeyondStop {
+  double distance = 0, share = 0;  // rad or m, and of the range; at most 0 inside
+  bool turns = false, upper = false;
+};
+
+BeyondStop BeyondStopOf(const MechanismDynamics& m, const Mechanism::LengthLimit& limit) {
+  const double length = m.Length(limit.length), above = length - limit.upper, below = limit.lower - length;
+  const auto& terms = limit.length.terms;
+  const bool turns = limit.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms[0].first);
+  const double range = limit.upper - limit.lower, whole = std::isfinite(range) && range > 0 ? range
+                                                          : turns                           ? 1
+                                                                  : m.mechanism().length_scale();
+  const double beyond = std::max(above, below);
+  return {beyond, beyond / whole, turns, above > below};
+}
+
 }  // namespace
 
 void AddRelinearizations(const StepReport& report, const World& world, RelinearizationTotals& totals) {
@@ -73,6 +89,13 @@ void RunStatistics::Begin(const Simulation& simulation) {
   for (std::size_t c = 1; c < simulation.world().collision_bodies().size(); ++c) {
     const int body = simulation.BodyOfCollisionBody(static_cast<int>(c));
     if (body >= 0) velocity_[static_cast<std::size_t>(body)] = simulation.Velocity(body);
+  }
+  const auto& mechanisms = simulation.world().mechanisms();
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const auto& limits = mechanisms[i].length_limits();
+    for (std::size_t k = 0; k < limits.size(); ++k)
+      if (const double share = BeyondStopOf(mechanisms[i], limits[k]).share; share > 0)
+        outside_at_start_[{static_cast<int>(i), k}] = share;
   }
 }
 
@@ -194,26 +217,21 @@ void RunStatistics::UpdatePassedStops(const Simulation& simulation) {
     const MechanismDynamics& m = mechanisms[i];
     for (std::size_t k = 0; k < m.length_limits().size(); ++k) {
       const Mechanism::LengthLimit& limit = m.length_limits()[k];
-      const double length = m.Length(limit.length), above = length - limit.upper,
-                   below = limit.lower - length, beyond = std::max(above, below);
-      if (beyond <= 0) continue;
-      const auto& terms = limit.length.terms;
-      const bool turns = limit.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms[0].first);
-      const double range = limit.upper - limit.lower,
-                   whole = std::isfinite(range) && range > 0 ? range
-                           : turns                           ? 1
-                                                             : m.mechanism().length_scale(),
-                   share = beyond / whole;
-      if (share <= StopPassed::kShareBeyond) continue;
-      auto& [most, stop] = passed_[{static_cast<int>(i), k}];
+      const BeyondStop beyond = BeyondStopOf(m, limit);
+      const std::pair key(static_cast<int>(i), k);
+      if (beyond.distance <= 0) outside_at_start_.erase(key);
+      const auto start = outside_at_start_.find(key);
+      const double allowed = start == outside_at_start_.end() ? 0 : start->second;
+      if (beyond.share <= allowed + StopPassed::kShareBeyond) continue;
+      auto& [most, stop] = passed_[key];
       if (stop.name.empty()) stop.first = simulation.time();
-      if (share <= most) continue;
-      most = share;
+      if (beyond.share <= most) continue;
+      most = beyond.share;
       stop.name = limit.WhatAndName();
-      stop.turns = turns;
-      stop.beyond = beyond;
+      stop.turns = beyond.turns;
+      stop.beyond = beyond.distance;
       stop.when = simulation.time();
-      stop.upper = above > below;
+      stop.upper = beyond.upper;
     }
   }
 }

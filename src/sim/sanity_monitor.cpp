@@ -294,6 +294,20 @@ void SanityMonitor::CheckEnergy(const Simulation& simulation, const Seen& seen) 
   double held = 0;
   for (const auto& [key, pair] : pairs_)
     held += pair.force_W.norm() * simulation.step_options().material.depth;
+  // Stops that bring inside what started beyond them do work.
+  const auto& mechanisms = simulation.world().mechanisms();
+  beyond_stops_.resize(mechanisms.size());
+  for (std::size_t i = 0; i < mechanisms.size(); ++i) {
+    const std::vector<double>& impulses = simulation.world().StopImpulses(static_cast<int>(i));
+    std::vector<double>& beyond = beyond_stops_[i];
+    beyond.resize(impulses.size(), 0.0);
+    for (std::size_t at = 0; at < impulses.size(); ++at) {
+      held += impulses[at] / simulation.dt() * std::max(0.0, beyond[at]);
+      const Mechanism::LengthLimit& limit = mechanisms[i].length_limits()[at / 2];
+      const double length = mechanisms[i].Length(limit.length);
+      beyond[at] = at % 2 == 1 ? length - limit.upper : limit.lower - length;
+    }
+  }
   if (!driven && !driven_before_ && rise > rounding)
     Note(kEnergy, rise / (kRise * kinetic_ + held), [&] {
       if (const auto pair = PushedApart(rise))

@@ -84,7 +84,7 @@ bool MechanismDynamics::is_expanded() const { return work_->expansion.in_use; }
 bool MechanismDynamics::went_by_expansion() const { return work_->start.by_expansion; }
 int MechanismDynamics::num_velocities() const { return step_model().num_velocities(); }
 const std::vector<Mechanism::LengthLimit>& MechanismDynamics::length_limits() const {
-  return step_model().length_limits;
+  return mechanism().length_limits();
 }
 const std::vector<std::string>& MechanismDynamics::warnings() const { return step_model().warnings; }
 

@@ -28,22 +28,21 @@ std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
   return groups;
 }
 
-// A pose outside the limits may be what springs and loops hold; pushing it inside would fight them for ever.
-void WidenLimits(const VectorX& q, MechanismModel& model) {
+// World brings such a length inside at the speed at which it parts bodies that overlap.
+void WarnOfStartsOutsideLimits(MechanismModel& model) {
   const Mechanism& mechanism = model.mechanism();
+  const VectorX& q = model.reduced->q_ref;
   Kinematics start(mechanism);
   ComputeKinematics(mechanism, q, start);
-  for (Mechanism::LengthLimit& limit : model.length_limits) {
+  for (const Mechanism::LengthLimit& limit : mechanism.length_limits()) {
     const double length = LengthOf(mechanism, limit.length, start, q);
     const double outside = std::max(limit.lower - length, length - limit.upper);
-    limit.lower = std::min(limit.lower, length);
-    limit.upper = std::max(limit.upper, length);
+    if (outside <= 1e-3) continue;
     const bool turns =
         limit.length.path < 0 && !limit.length.terms.empty() && mechanism.Turns(limit.length.terms[0].first);
-    if (outside > 1e-3)
-      model.warnings.push_back(limit.WhatAndName() + " starts outside its limits by " +
-                               std::to_string(outside) + (turns ? " rad" : " m") +
-                               "; the limit was moved to the initial pose");
+    model.warnings.push_back(limit.WhatAndName() + " starts outside its limits by " +
+                             std::to_string(outside) + (turns ? " rad" : " m") +
+                             "; it is brought inside at a bounded speed");
   }
 }
 
@@ -69,14 +68,13 @@ MechanismModel::MechanismModel(std::shared_ptr<const ReducedModel> about, const 
       rigid_parts(*about->mechanism),
       groups(MakeGroups(*about)),
       invariant(FindInvariantJoints(*about->mechanism, about->interfaces)),
-      length_limits(about->mechanism->length_limits()),
       warnings(about->warnings),
       base_size(about->mechanism->base() == BaseKind::kFloating ? 6 : 0),
       reduced(std::move(about)) {
   // The interfaces that Reduce settled on are those of every later refresh.
   options.reduction.interfaces = reduced->interfaces;
   options.reduction.promote_hidden = false;
-  WidenLimits(reduced->q_ref, *this);
+  WarnOfStartsOutsideLimits(*this);
   if (options.recovery == Recovery::kExpanded) {
     const std::string what = WhatForbidsExpansion(mechanism());
     expands = what.empty() && reduced->size() > 0;
@@ -92,7 +90,6 @@ MechanismModel::MechanismModel(const MechanismModel& before, std::shared_ptr<con
       rigid_parts(before.rigid_parts),
       groups(before.groups),
       invariant(before.invariant),
-      length_limits(before.length_limits),
       warnings(before.warnings),
       base_size(before.base_size),
       expands(before.expands),

@@ -53,8 +53,6 @@ struct MechanismModel {
   std::vector<ContactGroup> groups;
   std::vector<char>
       invariant;  // n: joints whose displacement leaves the reduction as it is (FindInvariantJoints)
-  // Limits in force: those of the mechanism, widened to the initial pose where that was outside.
-  std::vector<Mechanism::LengthLimit> length_limits;
   std::vector<std::string> warnings;
   int base_size = 0;     // 6 where the base floats
   bool expands = false;  // steps by expansions (Recovery::kExpanded), where nothing forbids it

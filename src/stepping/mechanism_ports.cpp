@@ -33,7 +33,7 @@ void FindDecoupledBlocks(MechanismModel& model) {
   };
   std::vector<VelocityRange> of_group, of_limited, of_friction, of_bounded;
   for (const ContactGroup& g : model.groups) of_group.push_back(of_joint(g.last_joint));
-  for (const auto& l : model.length_limits) of_limited.push_back(of_length(l.length));
+  for (const auto& l : model.mechanism().length_limits()) of_limited.push_back(of_length(l.length));
   for (const auto& f : model.mechanism().frictions()) of_friction.push_back(of_length(f.length));
   for (const auto& f : model.mechanism().force_limits()) of_bounded.push_back(of_length(f.length));
   for (const auto& s : model.mechanism().springs())

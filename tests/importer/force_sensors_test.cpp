@@ -187,14 +187,15 @@ TEST(ForceSensors, OfActuatorsWithOtherStiffness_AreMujocosWithThatStiffness) {
     <sensor><actuatorfrc actuator="p"/><actuatorfrc actuator="m"/><actuatorfrc actuator="pt"/><actuatorfrc actuator="v"/>
       <jointactuatorfrc joint="ja"/><jointactuatorfrc joint="jb"/><tendonactuatorfrc tendon="t"/></sensor></mujoco>)";
   const double u[] = {0.7, -0.4, 0.9, 0.5};
-  for (const bool one_joint : {false, true}) {
+  for (const std::string one : {"", "ja", "pt"}) {
     ImportedScene loaded = MustLoad(text);
     Peer peer(text);
     std::vector<int> scaled = {0};
-    if (one_joint) {
-      auto changed = WithStiffness(loaded.scene, "ja", 4 * 20 * 1.5 * 1.5);
+    if (!one.empty()) {
+      auto changed = WithStiffness(loaded.scene, one, one == "ja" ? 4 * 20 * 1.5 * 1.5 : 4 * 5);
       ASSERT_TRUE(changed) << changed.error().Text();
       loaded.scene = *changed;
+      if (one == "pt") scaled = {2};
     } else {
       loaded.scene = Vary(loaded.scene, {.stiffness = 4});
       scaled = {0, 2, 3};
@@ -224,7 +225,7 @@ TEST(ForceSensors, OfActuatorsWithOtherStiffness_AreMujocosWithThatStiffness) {
       mj_forward(peer.m.get(), peer.d.get());
       for (int k = 0; k < peer.m->nsensordata; ++k)
         EXPECT_NEAR(sensors.values()(k), peer.d->sensordata[k], 1e-9)
-            << k << ", step " << step << ", one joint " << one_joint;
+            << k << ", step " << step << ", of " << one;
     }
   }
 }

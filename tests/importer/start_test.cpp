@@ -313,5 +313,44 @@ TEST(ImportStart, JointsStartInsideTheirLimits) {
   EXPECT_EQ(StartOf(MustLoad(Leg("2e-9 1"))).mechanisms[0].q[1], 2e-9);
 }
 
+// Two hinges, the second up to 0.1 rad, and a tendon a + 2 b.
+std::string TwoHinges(const std::string& range, const std::string& equality = "") {
+  return R"(<mujoco><compiler angle="radian"/><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".1"/>
+    <body pos=".5 0 0"><joint name="b" axis="0 1 0" range="-1 .1"/><geom size=".1"/></body></body></worldbody>
+    <tendon><fixed name="sum" limited="true" range=")" +
+         range + R"("><joint joint="a" coef="1"/><joint joint="b" coef="2"/></fixed></tendon>)" + equality +
+         "</mujoco>";
+}
+
+TEST(ImportStart, FixedTendonsStartInsideTheirLimits) {
+  // The least joint displacements: in the ratio of the coefficients, and a alone where b is at its limit.
+  const ImportedScene near = MustLoad(TwoHinges(".2 1"));
+  EXPECT_NEAR(StartOf(near).mechanisms[0].q[0], 0.04, kRounding);
+  EXPECT_NEAR(StartOf(near).mechanisms[0].q[1], 0.08, kRounding);
+  EXPECT_TRUE(HasNote(near.report, Kind::kChanged, "tendon 'sum': the file starts it outside its limits"));
+  const ImportedScene far = MustLoad(TwoHinges(".5 1"));
+  EXPECT_NEAR(StartOf(far).mechanisms[0].q[0], 0.3, kRounding);
+  EXPECT_NEAR(StartOf(far).mechanisms[0].q[1], 0.1, kRounding);
+  ImportOptions options;
+  options.joint_coordinates = {{"b", 0.05}};
+  const ImportedScene asked = MustLoad(TwoHinges(".2 1"), options);
+  EXPECT_NEAR(StartOf(asked).mechanisms[0].q[0], 0.1, kRounding);
+  EXPECT_NEAR(StartOf(asked).mechanisms[0].q[1], 0.05, kRounding);
+  EXPECT_EQ(MustLoad(TwoHinges("-1 1")).initial_keyframe, -1);
+}
+
+TEST(ImportStart, FixedTendonsThatNoJointBringsInsideAreNamed) {
+  const char* const brought = "tendon 'sum': starts outside its limits: it is brought inside";
+  ImportOptions options;
+  options.keep_start = true;
+  const ImportedScene kept = MustLoad(TwoHinges(".2 1"), options);
+  EXPECT_EQ(kept.initial_keyframe, -1);
+  EXPECT_TRUE(HasNote(kept.report, Kind::kChanged, brought));
+  // Both joints are asked for.
+  options = {};
+  options.joint_coordinates = {{"a", 0}, {"b", 0.05}};
+  EXPECT_TRUE(HasNote(MustLoad(TwoHinges(".2 1"), options).report, Kind::kChanged, brought));
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

@@ -209,7 +209,9 @@ def test_gains_change_while_it_runs(gripper):
     )  # the servos press twice as hard, flexures of the rockers do not help
     sim.set_state(poses={"cube": [0.2, 0, 0.012]})
     sim.step(1)
-    with pytest.raises(fork1s.UnknownNameError, match="no joint coordinate 'knee'"):
+    with pytest.raises(
+        fork1s.UnknownNameError, match="no joint coordinate, tendon or servo of a tendon 'knee'"
+    ):
         sim.set_stiffness({"knee": 1})
 
 
@@ -265,3 +267,32 @@ def test_plates_that_jump_hold_a_ball(steps):
     sim.step(steps)
     left, ball, right = (sim.pose(name)[0, 3] for name in ("left", "ball", "right"))
     assert left < ball < right
+
+
+def test_stiffness_of_a_tendons_servo_is_that_of_the_file():
+    def finger(kp, kv):
+        return fork1s.load(
+            f"""<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody><body><joint name="a" axis="0 1 0"/>
+            <geom size=".1" contype="0"/><body pos=".5 0 0"><joint name="b" axis="0 1 0" stiffness="1" damping="1"/>
+            <geom size=".1" contype="0"/></body></body></worldbody>
+            <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="2"/></fixed></tendon>
+            <actuator><position name="grip" tendon="t" kp="{kp}" kv="{kv}" forcerange="-3 3"/></actuator></mujoco>"""
+        )
+
+    soft, stiff = finger(10, 0.5), finger(40, 1)
+    assert soft.stiffnesses["grip"] == 10
+    set_while_it_runs = fork1s.Simulation(soft)
+    set_while_it_runs.set_stiffness({"grip": 40})
+    runs = [
+        set_while_it_runs,
+        fork1s.Simulation(soft.with_stiffness({"grip": 40})),
+        fork1s.Simulation(stiff),
+    ]
+    for sim in runs:
+        sim.controls["grip"] = 0.5
+        sim.step(30)
+        assert_allclose(sim.qpos, runs[0].qpos, rtol=0, atol=1e-12)
+    with pytest.raises(fork1s.UsageError, match="above 0"):
+        runs[0].set_stiffness({"grip": 0})
+    with pytest.raises(fork1s.UnknownNameError, match="a, b, grip"):
+        runs[0].set_stiffness({"gripper": 1})

@@ -5,7 +5,7 @@ gives y_j, how they move per force along joint j. Then
 
     ∂C/∂k_j = -y_j y_jᵀ,     so with k_j = exp(x_j)     ∂C/∂x_j = -k_j y_j y_jᵀ,
 
-exactly and from one decomposition for all joints. Logarithms keep stiffnesses positive and make steps relative, since a
+exactly and from one decomposition for all joints; of tendons and their servos ∂C/∂x_j is a central difference. Logarithms keep stiffnesses positive and make steps relative, since a
 spring ten times as stiff and one ten times as soft are as far away.
 """
 
@@ -65,7 +65,7 @@ def fit_stiffness(
     Args:
         target: body -> its compliance as `Model.compliance` gives it, (6, 6); or that matrix alone where the model has
             one interface body. NaN leaves an entry open. (3, 3) is the translation alone.
-        joints: the joint coordinates that may change; default: all that something holds.
+        joints: the joint coordinates, tendons and servos of tendons that may change; default: all that something holds.
         bounds: smallest and largest stiffness, as factors of the present one; or for joints by name in N·m/rad or N/m,
             the others within a factor of 100.
         tolerance: of `error`, below which the target counts as reached.
@@ -93,14 +93,25 @@ def fit_stiffness(
     names = [n for n, k in now.items() if k > 0] if joints is None else list(joints)
     for name in names:
         if name not in now:
-            raise UnknownNameError(f"there is no joint coordinate '{name}'; there are: {', '.join(now)}")
+            raise UnknownNameError(
+                f"there is no joint coordinate, tendon or servo of a tendon '{name}'; there are: {', '.join(now)}"
+            )
         if not now[name] > 0:
             raise UsageError(
                 f"joint '{name}': nothing holds it, so there is no stiffness to begin with; give it one by "
                 "with_stiffness"
             )
     parts = [_Part(model, body, target_C) for body, target_C in wanted.items()]
-    felt = [n for n in names if any(part.feels(model, n) for part in parts)]
+    coordinates = {n for m in model.mechanisms for n in m.coordinates}
+    felt = [
+        n
+        for n in names
+        if (
+            any(part.feels(model, n) for part in parts)
+            if n in coordinates
+            else np.abs(_difference(model, n, parts)).max() > 1e-9
+        )
+    ]
     if not felt:
         raise UsageError("no body of the target feels any of these joints")
     limits = _limits(bounds, felt, now)
@@ -115,7 +126,11 @@ def fit_stiffness(
 
     def slopes(x: Matrix) -> Matrix:
         changed = at(x)
-        return np.vstack([part.slopes(changed, felt, np.exp(x)) for part in parts])
+        found = np.vstack([part.slopes(changed, felt, np.exp(x)) for part in parts])
+        for j, name in enumerate(felt):
+            if name not in coordinates:
+                found[:, j] = _difference(changed, name, parts)
+        return found
 
     start = np.clip(np.log([now[n] for n in felt]), lower, upper)
     found = least_squares(
@@ -181,6 +196,15 @@ class _Part:
 
     def missed(self, model: _core.Model) -> Matrix:
         return model.compliance(self.body) - self.wanted
+
+
+def _difference(model: _core.Model, name: str, parts: list[_Part]) -> Matrix:
+    """Slopes of residuals by the logarithm of one stiffness."""
+    k, step = model.stiffnesses[name], 1e-4
+    ends = [model.with_stiffness({name: k * np.exp(sign * step)}) for sign in (1, -1)]
+    more, less = (np.concatenate([part.residual(end) for part in parts]) for end in ends)
+    slope: Matrix = (more - less) / (2 * step)
+    return slope
 
 
 def _wanted(model: _core.Model, target: npt.ArrayLike | Mapping[str, npt.ArrayLike]) -> dict[str, Matrix]:

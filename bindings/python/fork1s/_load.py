@@ -82,7 +82,7 @@ def load(
         keyframe: name of the initial state; default: the file's reference pose.
         base_pose: where the base starts, world frame: (3,) m, (7,) with a quaternion w x y z, or (4, 4).
         q: joint name to where it starts, rad or m.
-        keep_start: joints that the file, `keyframe` or `q` starts outside their limits start there, with their stop;
+        keep_start: joints that the file, `keyframe` or `q` starts outside their limits start there;
             default: at the nearest value inside.
         hold: position servos start with the set-points that hold where the joints start, in every keyframe, and not with
             those of the file; motors and other controls keep theirs, and a note names them.

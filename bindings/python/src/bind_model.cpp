@@ -283,7 +283,8 @@ several, ask `mechanisms[i]`, or name a body.)")
           nb::arg("lock_free") = false, kPointStiffness, nb::sig(kPointStiffnessSignature))
       .def_prop_ro(
           "stiffnesses", [](const ModelPtr& s) { return s->Stiffnesses(); },
-          "Joint coordinate -> what holds it, its spring and the servos on it together: N·m/rad or N/m.")
+          "Joint coordinate -> what holds it, its spring and the servos on it together, tendon with a spring and servo of a tendon "
+          "by its name -> its own: N·m/rad or N/m.")
       .def("_with_stiffness",
            [](const ModelPtr& s, const nb::object& k) {
              return s->WithStiffness(ReadAs<std::map<std::string, double>>(
@@ -297,7 +298,8 @@ several, ask `mechanisms[i]`, or name a body.)")
           nb::arg("stiffness"),
           "The same model with other stiffnesses of joints.\n\nstiffness: joint coordinate -> what holds it, "
           "its spring and the servos that pull it alone together, N·m/rad or N/m; their shares stay, damping "
-          "goes with the root. Raises UnknownNameError, UsageError.",
+          "goes with the root. Or a tendon with a spring, or the servo of a tendon or of several joints, by its name -> its "
+          "own stiffness, above 0, with its gain and the bounds of its force. Raises UnknownNameError, UsageError.",
           nb::sig("def with_stiffness(self, stiffness: collections.abc.Mapping[str, float]) -> Model"))
       .def(
           "fit_stiffness",

@@ -269,7 +269,8 @@ void BindState(nb::class_<Runner>& simulation) {
                                                              "a mapping from joint coordinates to numbers"));
       },
       nb::arg("stiffness"),
-      "Goes on with other stiffnesses of joints, from the present state.\n\nstiffness: joint coordinate -> "
+      "Goes on with other stiffnesses of joints and tendons, from the present state.\n\nstiffness: joint coordinate, tendon or "
+      "servo of a tendon -> "
       "what "
       "holds it, springs and servos together, N·m/rad or N/m, as `Model.with_stiffness`. Set-points stay; "
       "contacts "

@@ -54,6 +54,9 @@ const FreedomDef& FreedomOf(const Model& model, const Coordinate& c) {
 std::map<std::string, double> Model::Stiffnesses() const {
   std::map<std::string, double> all;
   for (const Coordinate& c : CoordinatesOf(*this)) all[c.name] = FreedomOf(*this, c).stiffness;
+  for (const MechanismDef& def : scene().mechanisms)
+    for (const SpringDef& spring : def.springs)
+      if (const double k = StiffnessOf(def, spring.name); k > 0) all.emplace(spring.name, k);
   return all;
 }
 
@@ -63,22 +66,37 @@ Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& st
   for (const auto& [name, value] : stiffness) {
     const auto c = std::find_if(coordinates.begin(), coordinates.end(),
                                 [&wanted = name](const Coordinate& at) { return at.name == wanted; });
-    if (c == coordinates.end()) {
+    const auto of_spring =
+        std::find_if(scene.mechanisms.begin(), scene.mechanisms.end(),
+                     [&wanted = name](const MechanismDef& def) { return StiffnessOf(def, wanted) > 0; });
+    if (c == coordinates.end() && of_spring == scene.mechanisms.end()) {
       std::vector<std::string> known;
-      for (const Coordinate& at : coordinates) known.push_back(at.name);
-      RefuseName("joint coordinate", name, known);
+      for (const auto& [one, stiffness_now] : Stiffnesses()) known.push_back(one);
+      RefuseName("joint coordinate, tendon or servo of a tendon", name, known);
     }
     if (!(std::isfinite(value) && value >= 0))
       throw Refused{{ErrorCode::kUsage, name, "a stiffness must be finite and 0 or more"}};
-    MechanismDef& def = scene.mechanisms[c->mechanism];
+    if (value == 0 && c == coordinates.end())
+      throw Refused{{ErrorCode::kUsage, name, "the stiffness of a tendon or its servo must be above 0"}};
+    const std::size_t mechanism = c != coordinates.end()
+                                      ? c->mechanism
+                                      : static_cast<std::size_t>(of_spring - scene.mechanisms.begin());
+    const auto set_sensors = [&](Scene& of) {
+      if (c != coordinates.end())
+        fork1s::internal::SetSensorStiffness(mechanism, c->freedom, value, of);
+      else
+        fork1s::internal::SetSensorStiffness(mechanism, name, value, of);
+    };
+    MechanismDef& def = scene.mechanisms[mechanism];
     // Laws of actuators change as those in sensors do.
     Scene laws;
     laws.mechanisms = scene.mechanisms;
     laws.sensors = std::move(actuators);
-    fork1s::internal::SetSensorStiffness(c->mechanism, c->freedom, value, laws);
+    set_sensors(laws);
     actuators = std::move(laws.sensors);
-    fork1s::internal::SetSensorStiffness(c->mechanism, c->freedom, value, scene);
-    def = SetStiffness(std::move(def), c->freedom, value);
+    set_sensors(scene);
+    def = c != coordinates.end() ? SetStiffness(std::move(def), c->freedom, value)
+                                 : SetStiffness(std::move(def), name, value);
   }
   return scene;
 }

@@ -240,7 +240,11 @@ std::vector<std::pair<std::string, double>> JointStiffnesses(const Scene& scene)
   std::vector<std::pair<std::string, double>> all;
   for (const MechanismDef& mechanism : scene.mechanisms)
     for (const JointDef& joint : mechanism.joints)
-      for (const FreedomDef& freedom : joint.freedoms) all.emplace_back(joint.name, freedom.stiffness);
+      for (const FreedomDef& freedom : joint.freedoms)
+        all.emplace_back("joint '" + joint.name, freedom.stiffness);
+  for (const MechanismDef& mechanism : scene.mechanisms)
+    for (const SpringDef& spring : mechanism.springs)
+      all.emplace_back("spring '" + spring.name, spring.stiffness);
   return all;
 }
 
@@ -273,7 +277,7 @@ Expected<void> FitsStiffness(const Runner::Snapshot& snapshot, const Simulation&
     // Beyond rounding, which the shares of springs and servos leave where a stiffness is set back.
     if (stiffness[i].first == joint && std::abs(now - then) > 1e-12 * std::max(now, then))
       return Fail(ErrorCode::kUsage, "restore",
-                  "the moment is of another stiffness: joint '" + joint + "' had " + ShortNumber(then) +
+                  "the moment is of another stiffness: " + joint + "' had " + ShortNumber(then) +
                       " and has " + ShortNumber(now) + "; call set_stiffness with that first");
   }
   return {};

@@ -5,8 +5,8 @@
 
 namespace fork1s {
 
-/// The scene with a joint coordinate, named as in Simulation::CoordinateNames, held by `stiffness` [N·m/rad
-/// or N/m]: see SetStiffness. Errors: kUsage for names that there are not, with those that there are, and for
+/// The scene with a joint coordinate, named as in Simulation::CoordinateNames, or else a tendon or the servo of one, named
+/// as its SpringDef, held by `stiffness` [N·m/rad or N/m]: see SetStiffness. Errors: kUsage for names that there are not, with those that there are, and for
 /// values that are no stiffness.
 Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double stiffness);
 

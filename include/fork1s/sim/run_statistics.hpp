@@ -71,7 +71,7 @@ struct EndReached {
   bool upper = false, lower = false;
 };
 
-/// A joint or tendon that was beyond its stop by more than kShareBeyond of its range.
+/// A joint or tendon that was beyond its stop by more than kShareBeyond of its range, and more than it started.
 struct StopPassed {
   static constexpr double kShareBeyond =
       0.01;  // of the range; of a radian or the mechanism's length with one stop
@@ -127,6 +127,7 @@ class RunStatistics {
   std::vector<Vector6> velocity_, last_velocity_;  // of all bodies that may touch: after this step, before it
   std::map<std::pair<int, std::size_t>, EndReached> stops_, servos_;  // by mechanism and place there
   std::map<std::pair<int, std::size_t>, std::pair<double, StopPassed>> passed_;  // share of the range, what
+  std::map<std::pair<int, std::size_t>, double> outside_at_start_;  // shares, until they come inside
 };
 
 }  // namespace fork1s

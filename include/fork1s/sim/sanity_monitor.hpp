@@ -71,6 +71,7 @@ class SanityMonitor {
   Worst worst_[kKinds];
   VectorX controls_;           // activations of mechanisms and what drives bases, then all controls
   bool driven_before_ = true;  // in the step before
+  std::vector<std::vector<double>> beyond_stops_;  // rad or m: of the stops of each mechanism, a step ago
   double energy_ = 0, kinetic_ = 0;
 };
 

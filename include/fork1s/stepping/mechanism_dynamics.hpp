@@ -47,7 +47,6 @@ class MechanismDynamics {
   bool went_by_expansion() const;
   /// Number of generalized velocities: r, plus 6 where the base floats.
   int num_velocities() const;
-  /// Limits in force: those of the mechanism, widened to the initial pose where that was outside.
   const std::vector<Mechanism::LengthLimit>& length_limits() const;
   const std::vector<std::string>& warnings() const;
 

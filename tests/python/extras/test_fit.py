@@ -80,7 +80,9 @@ def test_refusals(arm, scenes):
     ):
         with pytest.raises(fork1s.UsageError, match=said):
             arm.fit_stiffness(target)
-    with pytest.raises(fork1s.UnknownNameError, match="no joint coordinate 'knee'"):
+    with pytest.raises(
+        fork1s.UnknownNameError, match="no joint coordinate, tendon or servo of a tendon 'knee'"
+    ):
         arm.fit_stiffness(np.eye(6), ["knee"])
     with pytest.raises(fork1s.UnknownNameError, match="no body"):
         arm.fit_stiffness({"hand": np.eye(6)})
@@ -138,3 +140,17 @@ def test_the_page_of_the_hand(scenes, tmp_path):
     done = subprocess.run([sys.executable, "tune.py"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout == shown
+
+
+def test_the_servo_of_a_tendon_finds_its_stiffness():
+    hand = fork1s.load(
+        """<mujoco><worldbody><body name="a"><joint name="a" axis="0 1 0" stiffness="2"/><geom size=".1"/>
+        <body name="tip" pos=".5 0 0"><joint name="b" axis="0 1 0" stiffness="3"/><geom size=".1"/></body></body></worldbody>
+        <tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="2"/></fixed></tendon>
+        <actuator><position name="grip" tendon="t" kp="10"/></actuator></mujoco>""",
+        interface="tip",
+    )
+    wanted = {"a": 3.0, "b": 2.0, "grip": 25.0}
+    fit = hand.fit_stiffness(hand.with_stiffness(wanted).compliance("tip"), tolerance=1e-6)
+    assert fit.reached
+    assert fit.stiffness == pytest.approx(wanted, rel=1e-4)

@@ -94,7 +94,7 @@ def test_a_point_that_fails_is_a_row(arm):
     said = table["error"]
     assert said[1] is None or pandas.isna(said[1])
     assert "the model has no geom 'none'" in said[0] and "a joint has no field 'softness'" in said[2]
-    assert "there is no joint coordinate 'knee'" in said[3] and said[4]
+    assert "there is no joint coordinate, tendon or servo of a tendon 'knee'" in said[3] and said[4]
     assert_allclose(table["moved"][1], expected(100))
 
 
