@@ -94,6 +94,12 @@ void ReadMujocoBlock(UrdfWork& work, const XMLElement& block) {
   }
 }
 
+// "texture" of "<texture> in <material>".
+std::string ElementOf(const std::string& kind) {
+  const std::size_t begin = kind.find('<'), end = kind.find('>');
+  return begin == std::string::npos ? kind : kind.substr(begin + 1, end - begin - 1);
+}
+
 std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   std::set<std::string> names;
   std::map<std::string, int> dropped;
@@ -134,7 +140,7 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   }
   for (const auto& [kind, count] : dropped) {
     work.out.notes.push_back(
-        {ImportNote::Kind::kDropped, fmt::format("{} {}", count, kind), "it has no meaning here"});
+        {ImportNote::Kind::kDropped, fmt::format("{} {}", count, kind), WhyUnread(ElementOf(kind))});
   }
   AddWorld(robot, tree);
   if (tree.links.empty()) return Error{ErrorCode::kModel, work.path, "the robot has no link; add one"};
