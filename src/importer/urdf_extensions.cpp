@@ -367,6 +367,18 @@ std::optional<Error> ReadExtensions(UrdfWork& work, const XMLElement& robot) {
 }
 
 void AddExtensions(mjSpec* spec, const UrdfExtensions& extensions) {
+  for (const FloatingJoint& from : extensions.floating) {
+    mjsBody* body = mjs_findBody(spec, from.link.c_str());
+    for (int i = 0; i < 3; ++i) {
+      mjsJoint* slide = mjs_addJoint(body, nullptr);
+      slide->type = mjJNT_SLIDE;
+      std::copy_n(Vector3::Unit(i).eval().data(), 3, slide->axis);
+      mjs_setName(slide->element, fmt::format("{}.{}", from.joint, "xyz"[i]).c_str());
+    }
+    mjsJoint* ball = mjs_addJoint(body, nullptr);
+    ball->type = mjJNT_BALL;
+    mjs_setName(ball->element, (from.joint + ".rotation").c_str());
+  }
   for (const GazeboJoint& from : extensions.joints) {
     mjsJoint* joint = mjs_asJoint(mjs_findElement(spec, mjOBJ_JOINT, from.joint.c_str()));
     if (from.stiffness) {

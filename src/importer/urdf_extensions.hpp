@@ -37,7 +37,13 @@ struct UrdfLoop {
   std::optional<RigidTransform> X_BJ;  // nothing: as J_a at the reference pose; of kBall alone
 };
 
+/// A joint of URDF's type `floating` below a link other than `world`: MuJoCo's free joint hangs on the world alone.
+struct FloatingJoint {
+  std::string joint, link;
+};
+
 struct UrdfExtensions {
+  std::vector<FloatingJoint> floating;
   std::vector<GazeboJoint> joints;
   std::map<std::string, double> friction;  // coefficient of all shapes of a link
   std::set<std::string> weightless;        // links on which gravity does not act
