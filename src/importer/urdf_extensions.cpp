@@ -4,8 +4,8 @@
 // link:
 //   <selfCollide>, <mu1>, <mu2>, <gravity>, <turnGravityOff>; without reference: <self_collide> of all links,
 //   <static>. Gazebo lets two links of a robot touch where both say so. Source: sdformat, URDF parser.
-// <ros2_control>: <param name="initial_value"> of a joint's <state_interface name="position">. Source:
-//   ros2_control, hardware components.
+// <ros2_control>: initial_value of a joint's <state_interface name="position">. Source: ros2_control, hardware
+//   components.
 // <loop_joint>: frames on two links; `axis` has the same coordinates in both. Source: Drake before 2018,
 //   RigidBodyTree loops.
 // <drake:ball_constraint>: point P on body A stays on point Q on body B. Source: Drake, multibody parsing.
