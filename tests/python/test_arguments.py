@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -237,3 +238,13 @@ def test_joint_displacements_go_by_name_and_by_place(gripper):
         copied[:] = 0
         assert copied["left_crank"] == 0 != values["left_crank"]
         assert pickle.loads(pickle.dumps(values)).tolist() == values.tolist()
+
+
+def test_long_steps_warn(gripper):
+    with pytest.warns(UserWarning, match=r"^dt is 10 s: motion that is quicker"):
+        fork1s.Simulation(gripper, dt=10)
+    with pytest.warns(UserWarning, match="dt is 0.6 s"):
+        fork1s.Batch(gripper, 2, dt=0.6)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fork1s.Simulation(gripper, dt=0.5)
