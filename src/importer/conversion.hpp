@@ -64,6 +64,7 @@ struct Conversion {
   std::string file;  // in messages
   bool is_urdf = false;
   std::set<std::string> self_colliding;  // links that a URDF says touch their own robot
+  std::map<std::string, double> start;   // rad or m, of joints, as the file has them beside qpos0
   std::set<std::string> hinges;          // welds of sites that leave the rotation about z free
 
   Scene scene;

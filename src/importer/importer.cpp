@@ -215,6 +215,7 @@ std::optional<Error> ConvertPrepared(Conversion& c, const PreparedModel& prepare
   c.self_colliding = prepared.extensions.self_colliding;
   c.report.notes = prepared.notes;
   c.report.velocity_limits = prepared.velocity_limits;
+  c.start = prepared.extensions.start;
   for (const UrdfLoop& loop : prepared.extensions.loops)
     if (loop.kind == UrdfLoop::Kind::kHinge) c.hinges.insert(loop.name);
   for (const std::string& warning : warnings) {

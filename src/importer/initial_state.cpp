@@ -73,9 +73,10 @@ bool OutsideLimits(const FreedomDef& freedom, double displacement) {
   return displacement < freedom.lower - kRounding || displacement > freedom.upper + kRounding;
 }
 
-Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) {
+// `by` says who asks for it.
+Expected<Asked> FindAsked(Conversion& c, const std::string& by, const std::string& name, double value) {
   const mjModel& m = c.m;
-  const std::string where = fmt::format("{}, option q '{}'", c.file, name);
+  const std::string where = fmt::format("{}, {} '{}'", c.file, by, name);
   std::vector<std::string> known;
   int found = -1;
   for (int j = 0; j < m.njnt; ++j) {
@@ -105,7 +106,7 @@ Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) 
   Asked asked{{name, c.Freedom(dof), value - q0}, c.MechanismOf(dof)};
   if (OutsideLimits(freedom, asked.displacement)) {
     asked.displacement = std::clamp(asked.displacement, freedom.lower, freedom.upper);
-    c.Note(ImportNote::Kind::kChosen, fmt::format("option q '{}'", name),
+    c.Note(ImportNote::Kind::kChosen, fmt::format("{} '{}'", by, name),
            fmt::format(
                "{:.4g} {} is outside its limits {:.4g} to {:.4g} {}: it starts at the nearest, {:.4g} {}",
                value, unit, freedom.lower + q0, freedom.upper + q0, unit, asked.displacement + q0, unit));
@@ -114,9 +115,9 @@ Expected<Asked> FindAsked(Conversion& c, const std::string& name, double value) 
 }
 
 std::optional<Error> MoveTo(const Conversion& c, int mechanism, const std::vector<Asked>& asked, VectorX& q) {
-  return MoveCoordinates(c.scene.mechanisms[mechanism],
-                         std::vector<WantedCoordinate>(asked.begin(), asked.end()),
-                         fmt::format("{}, option q", c.file), q);
+  return MoveCoordinates(
+      c.scene.mechanisms[mechanism], std::vector<WantedCoordinate>(asked.begin(), asked.end()),
+      fmt::format("{}, option q{}", c.file, c.start.empty() ? "" : " or initial_value of <ros2_control>"), q);
 }
 
 using AskedByMechanism = std::vector<std::vector<Asked>>;
@@ -263,7 +264,13 @@ std::optional<Error> SetCoordinates(Conversion& c, const ImportOptions& options,
   const AskedByMechanism leaders = LeadersOf(c, mimics);
   AskedByMechanism asked(c.scene.mechanisms.size());
   for (const auto& [name, value] : options.joint_coordinates) {
-    auto one = FindAsked(c, name, value);
+    auto one = FindAsked(c, "option q", name, value);
+    if (!one) return one.error();
+    asked[one->mechanism].push_back(std::move(*one));
+  }
+  for (const auto& [name, value] : c.start) {
+    if (options.joint_coordinates.contains(name)) continue;
+    auto one = FindAsked(c, "initial_value of joint", name, value);
     if (!one) return one.error();
     asked[one->mechanism].push_back(std::move(*one));
   }

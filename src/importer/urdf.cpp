@@ -38,6 +38,14 @@ const char* LinkOf(const XMLElement& joint, const char* end) {
   return element != nullptr ? element->Attribute("link") : nullptr;
 }
 
+// Drake's capsule has the attributes of the <capsule> that other writers use.
+void RenameCapsules(XMLElement& parent) {
+  for (XMLElement* e = parent.FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+    if (std::string(e->Name()) == "drake:capsule") e->SetName("capsule");
+    RenameCapsules(*e);
+  }
+}
+
 // Words where numbers belong, with the lines of the file: the reader sees the text written again.
 std::optional<Error> CheckAttributes(const UrdfWork& work, const XMLElement& parent) {
   static const std::set<std::string> numbers = {"xyz",      "rpy",    "lower",      "upper",   "effort",
@@ -47,7 +55,7 @@ std::optional<Error> CheckAttributes(const UrdfWork& work, const XMLElement& par
     const std::string kind = e->Name();
     const bool is_xacro = kind.rfind("xacro:", 0) == 0;
     for (const auto* a = e->FirstAttribute(); a != nullptr; a = a->Next())
-      if (is_xacro || std::strstr(a->Value(), "${") != nullptr)
+      if (is_xacro || std::strstr(a->Value(), "${") != nullptr || std::strstr(a->Value(), "$(") != nullptr)
         return work.Refuse(
             ErrorCode::kModel, *e,
             fmt::format("<{} {}=\"{}\"> is unexpanded xacro; run xacro on the file first (xacro {} > "
@@ -94,6 +102,12 @@ void ReadMujocoBlock(UrdfWork& work, const XMLElement& block) {
   }
 }
 
+// "texture" of "<texture> in <material>".
+std::string ElementOf(const std::string& kind) {
+  const std::size_t begin = kind.find('<'), end = kind.find('>');
+  return begin == std::string::npos ? kind : kind.substr(begin + 1, end - begin - 1);
+}
+
 std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   std::set<std::string> names;
   std::map<std::string, int> dropped;
@@ -134,7 +148,7 @@ std::optional<Error> ReadTree(UrdfWork& work, XMLElement& robot, Tree& tree) {
   }
   for (const auto& [kind, count] : dropped) {
     work.out.notes.push_back(
-        {ImportNote::Kind::kDropped, fmt::format("{} {}", count, kind), "it has no meaning here"});
+        {ImportNote::Kind::kDropped, fmt::format("{} {}", count, kind), WhyUnread(ElementOf(kind))});
   }
   AddWorld(robot, tree);
   if (tree.links.empty()) return Error{ErrorCode::kModel, work.path, "the robot has no link; add one"};
@@ -227,11 +241,13 @@ std::optional<Error> PrepareJoint(UrdfWork& work, const Tree& tree, XMLElement& 
       work.out.mimics.push_back(std::move(mimic));
   }
   if (type == "floating" && LinkOf(joint, "parent") != std::string("world")) {
-    return work.Refuse(
-        ErrorCode::kModel, joint,
-        fmt::format("floating joint '{}' hangs below link '{}'; only a joint from a link 'world' can "
-                    "float: write six joints, or make the link a root",
-                    name, LinkOf(joint, "parent")));
+    work.out.extensions.floating.push_back({name, LinkOf(joint, "child")});
+    joint.SetAttribute("type", "fixed");  // until AddExtensions
+    work.out.notes.push_back(
+        {ImportNote::Kind::kChanged, fmt::format("joint '{}'", name),
+         fmt::format("floats below link '{0}', which it does not touch: became three slides "
+                     "'{1}.x', '{1}.y' and '{1}.z' and a ball joint '{1}.rotation'",
+                     LinkOf(joint, "parent"), name)});
   }
   static const std::set<std::string> kept = {"parent", "child", "origin", "axis", "limit", "dynamics"};
   for (XMLElement* e = joint.FirstChildElement(); e != nullptr;) {
@@ -249,7 +265,13 @@ std::optional<Error> PrepareJoint(UrdfWork& work, const Tree& tree, XMLElement& 
                        "swap them if that is meant",
                        lower, upper)});
   }
-  if (const double most = NumberOf(joint.FirstChildElement("limit"), "velocity"); most > 0 && type != "fixed")
+  for (const char* bound : {"effort", "velocity"})
+    if (const double most = NumberOf(joint.FirstChildElement("limit"), bound); most < 0 && type != "fixed")
+      work.out.notes.push_back(
+          {ImportNote::Kind::kDropped, fmt::format("joint '{}'", name),
+           fmt::format("its {} of {:.4g} is below 0, so it has no such limit", bound, most)});
+  if (const double most = NumberOf(joint.FirstChildElement("limit"), "velocity");
+      most > 0 && type != "fixed" && type != "floating")
     work.out.velocity_limits[name] = most;
   // URDF's default axis, said aloud.
   if (joint.FirstChildElement("axis") == nullptr && type != "fixed" && type != "floating") {
@@ -365,6 +387,7 @@ Expected<PreparedUrdf> PrepareUrdf(const std::string& path, const std::string& t
                 "this is not well-formed XML");
   }
   XMLElement& robot = *document.RootElement();
+  RenameCapsules(robot);
   UrdfWork work;
   work.path = path;
   work.search = {path, options.packages};

@@ -2,8 +2,10 @@
 //
 // <gazebo reference="JOINT">: <springStiffness>, <springReference>, <damping>, <friction>; reference to a
 // link:
-//   <selfCollide>, <mu1>, <mu2>; without reference: <self_collide> of all links. Gazebo lets two links of a
-//   robot touch where both say so. Source: sdformat, URDF parser.
+//   <selfCollide>, <mu1>, <mu2>, <gravity>, <turnGravityOff>; without reference: <self_collide> of all links,
+//   <static>. Gazebo lets two links of a robot touch where both say so. Source: sdformat, URDF parser.
+// <ros2_control>: initial_value of a joint's <state_interface name="position">. Source: ros2_control, hardware
+//   components.
 // <loop_joint>: frames on two links; `axis` has the same coordinates in both. Source: Drake before 2018,
 //   RigidBodyTree loops.
 // <drake:ball_constraint>: point P on body A stays on point Q on body B. Source: Drake, multibody parsing.
@@ -53,6 +55,8 @@ class ExtensionReader {
         error = ReadGazebo(*e);
       else if (kind == "loop_joint")
         error = ReadLoopJoint(*e);
+      else if (kind == "ros2_control")
+        error = ReadRos2Control(*e);
       else if (kind == "drake:ball_constraint")
         error = ReadBallConstraint(*e);
       else if (IsDrakeConstraint(kind))
@@ -62,7 +66,10 @@ class ExtensionReader {
     }
     ReadSelfCollision();
     for (const auto& [name, count] : unread_)
-      Drop(fmt::format("{} <{}> in <gazebo>", count, name), "it has no meaning here");
+      Drop(fmt::format("{} <{}> in <gazebo>", count, name), WhyUnread(name));
+    if (num_ros2_control_ > 0)
+      Drop(fmt::format("{} <ros2_control>", num_ros2_control_),
+           "it is not modelled; initial_value of the position of a joint is where it starts");
     return std::nullopt;
   }
 
@@ -108,6 +115,16 @@ class ExtensionReader {
       double value = 0;
       if (collides) {
         error = ReadFlag(*e, reference != nullptr ? collides_[name] : all_collide_);
+      } else if ((kind == "gravity" || kind == "turnGravityOff") && reference != nullptr) {
+        std::optional<bool> flag;
+        error = ReadFlag(*e, flag);
+        if (!error) SetGravity(name, *flag == (kind == "gravity"));
+      } else if (kind == "static" && reference == nullptr) {
+        std::optional<bool> flag;
+        error = ReadFlag(*e, flag);
+        if (!error && *flag)
+          work_.out.notes.push_back({ImportNote::Kind::kChanged, "<static> in <gazebo>",
+                                     "its base is fixed unless base is floating, but its joints move here"});
       } else if ((of_joint || rubs) && reference != nullptr) {
         error = ReadNumber(*e, value);
       } else if (kind != "implicitSpringDamper") {  // springs and dampers are always implicit here
@@ -127,6 +144,48 @@ class ExtensionReader {
     if (!coefficients.empty()) AddFriction(name, coefficients);
     if (joint.stiffness || joint.damping || joint.friction) AddJoint(std::move(joint));
     return std::nullopt;
+  }
+
+  void SetGravity(const std::string& link, bool acts) {
+    if (std::count(links_.begin(), links_.end(), link) == 0)
+      return Drop(fmt::format("<gazebo> of link '{}'", link),
+                  fmt::format("no link has that name{}", Suggestion(link, links_)));
+    if (acts)
+      out_.weightless.erase(link);
+    else
+      out_.weightless.insert(link);
+  }
+
+  // Followers start where their leaders have them.
+  std::optional<Error> ReadRos2Control(const XMLElement& control) {
+    ++num_ros2_control_;
+    for (const XMLElement* e = control.FirstChildElement("joint"); e != nullptr;
+         e = e->NextSiblingElement("joint"))
+      for (const XMLElement* state = e->FirstChildElement("state_interface"); state != nullptr;
+           state = state->NextSiblingElement("state_interface"))
+        for (const XMLElement* p = state->FirstChildElement("param"); p != nullptr;
+             p = p->NextSiblingElement("param")) {
+          if (NameOf(*state) != "position" || NameOf(*p) != "initial_value") continue;
+          double value = 0;
+          if (auto error = ReadNumber(*p, value)) return error;
+          SetStart(NameOf(*e), value);
+        }
+    return std::nullopt;
+  }
+
+  void SetStart(const std::string& joint, double value) {
+    const std::string where = fmt::format("initial_value of joint '{}'", joint);
+    for (const XMLElement* e = robot_.FirstChildElement("joint"); e != nullptr;
+         e = e->NextSiblingElement("joint")) {
+      if (NameOf(*e) != joint) continue;
+      const std::string type = e->Attribute("type") != nullptr ? e->Attribute("type") : "";
+      if (type != "revolute" && type != "continuous" && type != "prismatic")
+        return Drop(where, fmt::format("a {} joint has no single coordinate", type));
+      if (e->FirstChildElement("mimic") != nullptr) return Drop(where, "it follows the joint that it mimics");
+      out_.start[joint] = value;
+      return;
+    }
+    Drop(where, fmt::format("no joint has that name{}", Suggestion(joint, joints_)));
   }
 
   void AddFriction(const std::string& link, const std::map<std::string, double>& coefficients) {
@@ -259,6 +318,7 @@ class ExtensionReader {
   std::map<std::string, std::optional<bool>> collides_;  // by link
   std::optional<bool> all_collide_;
   std::map<std::string, int> unread_;  // elements in <gazebo>
+  int num_ros2_control_ = 0;
 };
 
 std::string AddSite(mjSpec* spec, const std::string& link, const std::string& name, const RigidTransform& X) {
@@ -291,8 +351,15 @@ void AddEquality(mjSpec* spec, const std::string& name, mjtEq type, const UrdfLo
 
 }  // namespace
 
+const char* WhyUnread(const std::string& name) {
+  static const std::set<std::string> shown = {
+      "material", "texture", "visual", "provideFeedback", "preserveFixedJoint", "disableFixedJointLumping"};
+  return shown.contains(name) ? "it has no meaning here" : "it is not modelled";
+}
+
 bool IsExtension(const std::string& element) {
-  return element == "gazebo" || element == "loop_joint" || IsDrakeConstraint(element);
+  return element == "gazebo" || element == "loop_joint" || element == "ros2_control" ||
+         IsDrakeConstraint(element);
 }
 
 std::optional<Error> ReadExtensions(UrdfWork& work, const XMLElement& robot) {
@@ -300,6 +367,18 @@ std::optional<Error> ReadExtensions(UrdfWork& work, const XMLElement& robot) {
 }
 
 void AddExtensions(mjSpec* spec, const UrdfExtensions& extensions) {
+  for (const FloatingJoint& from : extensions.floating) {
+    mjsBody* body = mjs_findBody(spec, from.link.c_str());
+    for (int i = 0; i < 3; ++i) {
+      mjsJoint* slide = mjs_addJoint(body, nullptr);
+      slide->type = mjJNT_SLIDE;
+      std::copy_n(Vector3::Unit(i).eval().data(), 3, slide->axis);
+      mjs_setName(slide->element, fmt::format("{}.{}", from.joint, "xyz"[i]).c_str());
+    }
+    mjsJoint* ball = mjs_addJoint(body, nullptr);
+    ball->type = mjJNT_BALL;
+    mjs_setName(ball->element, (from.joint + ".rotation").c_str());
+  }
   for (const GazeboJoint& from : extensions.joints) {
     mjsJoint* joint = mjs_asJoint(mjs_findElement(spec, mjOBJ_JOINT, from.joint.c_str()));
     if (from.stiffness) {
@@ -316,6 +395,7 @@ void AddExtensions(mjSpec* spec, const UrdfExtensions& extensions) {
       mjs_asGeom(e)->priority = 1;  // over shapes of which the file says nothing
     }
   }
+  for (const std::string& link : extensions.weightless) mjs_findBody(spec, link.c_str())->gravcomp = 1;
   for (const UrdfLoop& loop : extensions.loops)
     AddEquality(spec, loop.name, loop.kind == UrdfLoop::Kind::kBall ? mjEQ_CONNECT : mjEQ_WELD, loop,
                 loop.X_AJ, loop.X_BJ);

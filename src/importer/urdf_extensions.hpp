@@ -37,13 +37,24 @@ struct UrdfLoop {
   std::optional<RigidTransform> X_BJ;  // nothing: as J_a at the reference pose; of kBall alone
 };
 
+/// A joint of URDF's type `floating` below a link other than `world`: MuJoCo's free joint hangs on the world alone.
+struct FloatingJoint {
+  std::string joint, link;
+};
+
 struct UrdfExtensions {
+  std::vector<FloatingJoint> floating;
   std::vector<GazeboJoint> joints;
   std::map<std::string, double> friction;  // coefficient of all shapes of a link
+  std::set<std::string> weightless;        // links on which gravity does not act
+  std::map<std::string, double> start;     // rad or m, of joints, by ros2_control
   std::vector<UrdfLoop> loops;
   std::vector<std::pair<std::string, std::string>> excluded;  // links that do not touch
   std::set<std::string> self_colliding;                       // links of which it is said that they do
 };
+
+/// Why an element or attribute was left out, by its name.
+const char* WhyUnread(const std::string& name);
 
 /// Whether ReadExtensions reads elements of that name, or notes them one by one.
 bool IsExtension(const std::string& element);

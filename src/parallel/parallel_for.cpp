@@ -1,7 +1,10 @@
 #include "parallel/parallel_for.hpp"
 
+#include <oneapi/tbb/info.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
+
+#include <algorithm>
 
 #ifdef FORK1S_THREAD_SANITIZER
 #include <sanitizer/tsan_interface.h>
@@ -61,7 +64,8 @@ void ParallelForFixedShares(int first, int last, const std::function<void(int i)
 
 void WithThreads(int threads, const std::function<void()>& work) {
   if (threads <= 0) return work();
-  tbb::task_arena(threads).execute(work);
+  // More than there are cores would be refused with a warning where the first arena had fewer.
+  tbb::task_arena(std::min(threads, tbb::info::default_concurrency())).execute(work);
 }
 
 }  // namespace fork1s

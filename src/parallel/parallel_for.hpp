@@ -15,7 +15,8 @@ void ParallelFor(int first, int last, int grain, const std::function<void(int be
 /// allocator's arena of one thread instead of spreading over those of all.
 void ParallelForFixedShares(int first, int last, const std::function<void(int i)>& body);
 
-/// Runs `work` so that loops in it use at most that many threads, this one among them; 0: all cores.
+/// Runs `work` so that loops in it use at most that many threads, this one among them, and no more than
+/// there are cores; 0: all cores.
 void WithThreads(int threads, const std::function<void()>& work);
 
 }  // namespace fork1s

@@ -44,6 +44,62 @@ TEST(UrdfExtensions, GazeboGivesAJointItsSpringDamperAndFriction) {
   EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kDropped, "implicitSpringDamper"));
 }
 
+TEST(UrdfExtensions, GravityOfALink_IsSwitchedOff) {
+  for (const char* off : {"<gravity>false</gravity>", "<turnGravityOff>true</turnGravityOff>"}) {
+    const ImportedScene loaded = MustLoad(Arms(Gazebo("a", off) + Gazebo("b", "<gravity>1</gravity>")));
+    const MechanismDef& robot = loaded.scene.mechanisms[0];
+    EXPECT_EQ(robot.bodies[robot.FindBody("a").u()].gravity_compensation, 1) << off;
+    EXPECT_EQ(robot.bodies[robot.FindBody("b").u()].gravity_compensation, 0) << off;
+    EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kDropped, "ravity")) << off;
+  }
+  EXPECT_TRUE(HasNote(MustLoad(Arms(Gazebo("aa", "<gravity>0</gravity>"))).report, ImportNote::Kind::kDropped,
+                      "<gazebo> of link 'aa': no link has that name"));
+  EXPECT_CONTAINS(MustFail(Arms(Gazebo("a", "<gravity>off</gravity>"))).message, "write true or false");
+}
+
+std::string Ros2Control(const std::string& joint, const std::string& value,
+                        const std::string& interface = "position") {
+  return "<ros2_control name=\"c\" type=\"system\"><joint name=\"" + joint + "\"><state_interface name=\"" +
+         interface + "\"><param name=\"initial_value\">" + value +
+         "</param></state_interface></joint></ros2_control>";
+}
+
+TEST(UrdfExtensions, InitialValueOfRos2Control_IsWhereAJointStarts) {
+  const auto start = [](const std::string& text, const ImportOptions& options = {}) {
+    const ImportedScene loaded = MustLoad(Arms(text), options);
+    EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "1 <ros2_control>: it is not modelled;"));
+    if (loaded.scene.keyframes.empty()) return std::pair(0.0, 0.0);
+    const VectorX& q = loaded.scene.keyframes.at(0).mechanisms.at(0).q;
+    return std::pair(q[0], q[1]);
+  };
+  EXPECT_EQ(start(Ros2Control("j", ".4")), std::pair(.4, 0.));
+  EXPECT_EQ(start(Ros2Control("k", "-.2")), std::pair(0., -.2));
+  EXPECT_EQ(start(Ros2Control("j", ".4", "velocity")), std::pair(0., 0.));
+  EXPECT_EQ(start(Ros2Control("j", "0")), std::pair(0., 0.));
+  ImportOptions options;
+  options.joint_coordinates["j"] = -.5;
+  EXPECT_EQ(start(Ros2Control("j", ".4"), options), std::pair(-.5, 0.));
+  EXPECT_TRUE(HasNote(MustLoad(Arms(Ros2Control("jj", "1"))).report, ImportNote::Kind::kDropped,
+                      "initial_value of joint 'jj': no joint has that name"));
+  EXPECT_TRUE(HasNote(MustLoad(Arms(Ros2Control("k", "3"))).report, ImportNote::Kind::kChosen,
+                      "initial_value of joint 'k': 3 m is outside its limits"));
+  EXPECT_CONTAINS(MustFail(Arms(Ros2Control("j", "half"))).message, "'half', which is no finite number");
+}
+
+TEST(UrdfExtensions, WhatIsNotModelled_IsToldFromWhatHasNoMeaning) {
+  const ImportedScene loaded = MustLoad(Arms(
+      Gazebo("a", "<material>Gazebo/Red</material><sensor name=\"s\"/>") +
+      "<gazebo><static>true</static></gazebo><material name=\"m\"><texture filename=\"a.png\"/></material>"
+      "<transmission name=\"t\"/>"));
+  for (const char* note :
+       {"1 <material> in <gazebo>: it has no meaning here",
+        "1 <texture> in <material>: it has no meaning here", "1 <sensor> in <gazebo>: it is not modelled",
+        "1 <transmission>: it is not modelled"})
+    EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, note)) << note;
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "<static> in <gazebo>: its base is fixed"));
+  EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kDropped, "static"));
+}
+
 TEST(UrdfExtensions, GazeboOfOtherThings_IsNotedOrRefused) {
   const std::string spring = "<springStiffness>9</springStiffness>";
   EXPECT_TRUE(HasNote(MustLoad(Arms(Gazebo("jj", spring))).report, ImportNote::Kind::kDropped,

@@ -82,6 +82,49 @@ TEST(ImportUrdf, UnexpandedXacro_IsNamedWithTheLineOfTheFile) {
   EXPECT_CONTAINS(word.message, "xyz=\"0 0 1m\"");
 }
 
+TEST(ImportUrdf, SubstitutionsOfXacro_AreNamedAsUnexpanded) {
+  for (const char* name : {"$(find pkg)/x.obj", "$(arg mesh).stl"})
+    EXPECT_CONTAINS(MustFail(Arm(kInertial + MeshPart("collision", name))).message,
+                    fmt::format("<mesh filename=\"{}\"> is unexpanded xacro", name));
+}
+
+TEST(ImportUrdf, NegativeLimitsOfEffortAndVelocity_AreNoneAndNoted) {
+  const ImportedScene loaded =
+      MustLoad(Robot(Link("base") + Link("a") +
+                     Joint("j", "revolute", "base", "a",
+                           "<limit lower=\"-1\" upper=\"1\" effort=\"-1\" velocity=\"-2\"/>")));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "joint 'j': its effort of -1 is below 0"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kDropped, "joint 'j': its velocity of -2 is below 0"));
+  EXPECT_TRUE(loaded.report.velocity_limits.empty());
+}
+
+TEST(ImportUrdf, FloatingJointBelowALink_HasSixFreedoms) {
+  const std::string at = "<origin xyz=\".2 0 1\" rpy=\".3 .2 .1\"/>";
+  const ImportedScene loaded =
+      MustLoad(Robot(Link("base") + Link("a") + Link("b") + Joint("j", "continuous", "base", "a") +
+                     Joint("f", "floating", "a", "b", at)));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChanged, "joint 'f': floats below link 'a'"));
+  const MechanismDef& robot = loaded.scene.mechanisms.at(0);
+  ASSERT_EQ(robot.joints.size(), 5u);
+  EXPECT_EQ(robot.joints[1].name, "f.x");
+  EXPECT_EQ(robot.joints[4].name, "f.rotation");
+  EXPECT_EQ(robot.joints[4].kind, JointKind::kBall);
+  const Mechanism mechanism = MustBuild(robot);
+  ASSERT_EQ(mechanism.num_coordinates(), 7);
+  VectorX q = VectorX::Zero(7);
+  const auto pose = [&] {
+    Kinematics kinematics(mechanism);
+    ComputeKinematics(mechanism, q, kinematics);
+    return kinematics.X_RB[mechanism.FindBody("b").u()];
+  };
+  const RigidTransform before = pose();
+  EXPECT_NEAR((before.translation() - Vector3(.2, 0, 1)).norm(), 0, 1e-15);
+  q.tail<6>() << .01, .02, .03, .4, .5, .6;
+  const RigidTransform moved = before.inverse() * pose();
+  EXPECT_NEAR((moved.translation() - Vector3(.01, .02, .03)).norm(), 0, 1e-14);
+  EXPECT_NEAR(Eigen::AngleAxisd(moved.rotation()).angle(), Vector3(.4, .5, .6).norm(), 1e-12);
+}
+
 TEST(ImportUrdf, ReversedLimits_AreNoneAndNoted) {
   const ImportedScene loaded =
       MustLoad(Robot(Link("base") + Link("a") +
@@ -263,6 +306,19 @@ TEST(ImportUrdf, CapsuleBecomesTheSameSolid) {
   double y = 0;
   for (const auto& shape : shapes) y = std::max(y, shape.X_BG.translation().y());
   EXPECT_NEAR(y, .3, 1e-9);
+}
+
+TEST(ImportUrdf, CapsuleOfDrakeIsACapsule) {
+  const auto shapes = [](const char* kind) {
+    return MustLoad(Arm(kInertial + Part("collision", fmt::format("<{} xmlns:drake=\"http://drake.mit.edu\" "
+                                                                  "radius=\".1\" length=\".6\"/>",
+                                                                  kind))))
+        .scene.mechanisms[0]
+        .bodies[1]
+        .geometries.size();
+  };
+  EXPECT_EQ(shapes("capsule"), 3u);
+  EXPECT_EQ(shapes("drake:capsule"), 3u);
 }
 
 TEST(ImportUrdf, LateDeclarationIsSkipped) {

@@ -1,6 +1,8 @@
 """Arguments that cannot be used are refused by name: what was given, what is wanted."""
 
 import os
+import pickle
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -213,8 +215,36 @@ def test_what_is_read_prints_its_values(gripper):
     sim.controls["left_grip"] = 0.3
     sim.step(20)
     forces = sim.actuator_forces
-    values = [f"{name}={forces[name][0]:.4g}" for name in sim.controls]
+    values = [f"{name}={forces[name]:.4g}" for name in sim.controls]
     assert repr(forces) == f"<fork1s.ActuatorForces {' '.join(values)}>"
     assert isinstance(forces, fork1s.ActuatorForces) and isinstance(forces, fork1s.Sensors)
     report = fork1s.Batch(gripper, 3).step(steps=2)
     assert repr(report) == f"<fork1s.BatchReport of 3 contacts={report.contacts.sum()} unconverged=0>"
+
+
+def test_joint_displacements_go_by_name_and_by_place(gripper):
+    sim = fork1s.Simulation(gripper)
+    sim.controls["left_grip"] = 0.3
+    sim.step(20)
+    for values in (sim.joint_displacements, sim.joint_rates):
+        assert [values[name] for name in sim.coordinates] == values.tolist() == list(values)
+        assert float(values["left_crank"]) != 0
+        with pytest.raises(fork1s.UnknownNameError, match="no joint coordinate 'crank'; there are: "):
+            values["crank"]
+        for plain in (2 * values, values[1:], values - values, np.sin(values), np.asarray(values)):
+            assert type(plain) is np.ndarray
+        assert type(values.sum()) is np.float64 and values[values > 0].size < values.size
+        copied = values.copy()
+        copied[:] = 0
+        assert copied["left_crank"] == 0 != values["left_crank"]
+        assert pickle.loads(pickle.dumps(values)).tolist() == values.tolist()
+
+
+def test_long_steps_warn(gripper):
+    with pytest.warns(UserWarning, match=r"^dt is 10 s: motion that is quicker"):
+        fork1s.Simulation(gripper, dt=10)
+    with pytest.warns(UserWarning, match="dt is 0.6 s"):
+        fork1s.Batch(gripper, 2, dt=0.6)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fork1s.Simulation(gripper, dt=0.5)

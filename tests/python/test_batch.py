@@ -1,6 +1,8 @@
 """Many simulations as one: the same as each alone, for any number of threads."""
 
 import copy
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -42,6 +44,16 @@ def test_threads_do_not_change_a_bit(hand):
         hashes.append(batch.hashes())
     assert all((h == hashes[0]).all() for h in hashes)
     assert len(set(hashes[0].tolist())) == 9
+
+
+def test_threads_after_fewer_say_nothing(scenes):
+    code = (
+        "import fork1s, sys; model = fork1s.load(sys.argv[1])\n"
+        "for threads in 1, 64: fork1s.Batch(model, 4, threads=threads).step(steps=2)"
+    )
+    path = str(scenes / "fourbar_gripper.xml")
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_factors_are_those_of_a_file(scenes):

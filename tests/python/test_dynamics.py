@@ -88,12 +88,16 @@ def test_actuator_forces_are_those_of_mujoco(sim, theirs):
     data = data_at(theirs, qpos, qvel)
     forces = sim.actuator_forces
     assert list(forces) == ["swing", "lift", "hip"]
-    assert_allclose([forces[name][0] for name in forces], data.actuator_force, atol=1e-9)
+    assert_allclose([float(forces[name]) for name in forces], data.actuator_force, atol=1e-9)
+    assert [float(force) for force in forces.values()] == [float(f) for _, f in forces.items()]
+    assert forces["hip"].shape == () and forces["hip"] == forces.array[2]
+    with pytest.raises(fork1s.UnknownNameError, match="there is no actuator 'hop'"):
+        forces["hop"]
     model = fork1s.load(ACTUATED)
     softer = fork1s.Simulation(model.with_stiffness({"hip": 22}))  # twice the spring and the servo, 5 + 6
     softer.set_state(qpos, qvel * 0)
     at = data.qpos[softer.joints["hip"]["qpos"]][0]
-    assert softer.actuator_forces["hip"][0] == pytest.approx(2 * (0.5 - 6 * at), rel=1e-9)
+    assert softer.actuator_forces["hip"] == pytest.approx(2 * (0.5 - 6 * at), rel=1e-9)
 
 
 ARM = """<mujoco><worldbody><body name="upper" pos="0 0 1"><joint name="a" axis="0 1 0" stiffness="2" springref="10"/>

@@ -61,6 +61,7 @@ from ._errors import (
 from ._fit import StiffnessFit, fit_stiffness
 from ._gradient import ParameterGradient, RunGradient, RunSwitch, parameter_gradient, run_gradient
 from ._load import load, scene
+from ._named import NamedValues
 from ._recording import RecordedValues, Recording, read_recording
 from ._show import Page, Replay, replay, show
 from ._sweep import sweep
@@ -87,6 +88,7 @@ __all__ = [
     "Mechanism",
     "Model",
     "ModelError",
+    "NamedValues",
     "NumericsError",
     "Page",
     "ParameterGradient",

@@ -22,6 +22,9 @@ from ._errors import UnknownNameError, UsageError
 
 Matrix = npt.NDArray[np.float64]
 
+ROUNDING = 1e-12
+"""Of C, as a share: a body that turns by less than 1e-6 rad per shift by the length of a link does not turn."""
+
 
 @dataclass(frozen=True)
 class StiffnessFit:
@@ -72,7 +75,8 @@ def fit_stiffness(
 
     The error of an entry is measured against the size of its 3x3 block, turn per moment, turn per force or shift per
     force: for blocks on the diagonal their largest wanted entry, for the others the geometric mean of those two; so
-    units do not matter.
+    units do not matter. Of a body that only turns, or only shifts, the size of the other block is 1e-12 of this one's,
+    by the `length_scale` of the mechanism: more than rounding.
 
     Returns:
         What was found, what is missed, and which joints stopped at their bounds: more may be asked than the joints can
@@ -161,18 +165,17 @@ class _Part:
         asked = ~np.isnan(wanted[rows, columns])
         self.rows, self.columns = rows[asked], columns[asked]
         present = model.compliance(body)
-        size = []
-        for block in (slice(0, 3), slice(3, 6)):
-            for matrix in (wanted, present):
-                entries = np.abs(matrix[block, block])
-                if np.nanmax(entries, initial=0.0) > 0:
-                    size.append(float(np.nanmax(entries)))
-                    break
-            else:
-                size.append(1.0)
-        root = np.sqrt(np.repeat(size, 3))
-        self.unit = root[self.rows] * root[self.columns]
         self.mechanism = next(i for i, m in enumerate(model.mechanisms) if body in m.bodies)
+        size = [0.0, 0.0]
+        for i, block in enumerate((slice(0, 3), slice(3, 6))):
+            for matrix in (wanted, present):
+                size[i] = size[i] or float(np.nanmax(np.abs(matrix[block, block]), initial=0.0))
+        turn, shift = size if any(size) else (1.0, 1.0)
+        # Of a body that only translates, the turns are rounding, by which nothing is measured.
+        L2 = model.mechanisms[self.mechanism].length_scale ** 2
+        turn, shift = max(turn, ROUNDING * shift / L2), max(shift, ROUNDING * turn * L2)
+        root = np.sqrt(np.repeat((turn, shift), 3))
+        self.unit = root[self.rows] * root[self.columns]
 
     def _response(self, model: _core.Model) -> dict[str, Matrix]:
         mechanism = model.mechanisms[self.mechanism]

@@ -91,7 +91,15 @@ class _Members:
         integrator: str | None = None,
         render_mode: str | None = None,
         picture: Picture | None = None,
+        **unknown: Any,
     ) -> None:
+        if "dt" in unknown:
+            raise UsageError(
+                f"dt is the task's, {task.dt:.4g} s in {task.steps} steps an action: "
+                f"class Finer({task.__name__}): dt = {task.dt / 2:.4g}; steps = {2 * task.steps}"
+            )
+        if unknown:
+            raise TypeError(f"an environment has no option '{next(iter(unknown))}'")
         if render_mode not in (None, "rgb_array"):
             raise UsageError(f"render_mode is {render_mode!r}; give 'rgb_array' or None")
         if max_episode_steps is not None and (

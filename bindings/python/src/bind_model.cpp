@@ -142,6 +142,9 @@ void BindMechanism(nb::module_& m) {
           "'fixed', 'floating' or 'driven'.")
       .def_prop_ro(
           "mass", [](const MechanismView& v) { return v.mechanism().total_mass(); }, "kg")
+      .def_prop_ro(
+          "length_scale", [](const MechanismView& v) { return v.mechanism().length_scale(); },
+          "m; mean distance between successive joints, by which turns and shifts compare.")
       .def_prop_ro("bodies", &MechanismView::Bodies, "Names; the first is the base.")
       .def_prop_ro("interfaces", &MechanismView::Interfaces, "Names of the bodies that may touch.")
       .def_prop_ro("coordinates", &MechanismView::Coordinates, "Names of the n joint coordinates.")

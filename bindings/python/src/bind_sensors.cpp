@@ -29,10 +29,19 @@ Array ValueOf(const SensorValues& s, std::size_t sensor) {
   return Own(std::move(values), {size});
 }
 
-Array SensorNamed(const SensorValues& s, const std::string& name) {
+std::size_t FindNamed(const SensorValues& s, const char* kind, const std::string& name) {
   const auto at = std::find(s.names.begin(), s.names.end(), name);
-  if (at == s.names.end()) RefuseName("sensor", name, s.names);
-  return ValueOf(s, static_cast<std::size_t>(at - s.names.begin()));
+  if (at == s.names.end()) RefuseName(kind, name, s.names);
+  return static_cast<std::size_t>(at - s.names.begin());
+}
+
+// (), which float() takes.
+Array ForceOf(const ActuatorForces& s, std::size_t actuator) {
+  return Own({s.values[s.first[actuator]]}, {});
+}
+
+Array SensorNamed(const SensorValues& s, const std::string& name) {
+  return ValueOf(s, FindNamed(s, "sensor", name));
 }
 
 std::map<std::string, std::string> Reasons(const SensorValues& s) {
@@ -101,7 +110,31 @@ sensor that has no value is NaN, and `missing` says why. Raises UnknownNameError
           });
   nb::class_<ActuatorForces, SensorValues>(
       m, "ActuatorForces",
-      "Forces of actuators by name, read-only: `sim.actuator_forces[\"grip\"]` is (1,), N or N·m. As `Sensors`.")
+      "Forces of actuators by name, read-only, N or N·m: `sim.actuator_forces[\"grip\"]` is an array () of one number, "
+      "as `float` takes it. As `Sensors`.")
+      .def(
+          "__getitem__",
+          [](const ActuatorForces& s, const std::string& name) {
+            return ForceOf(s, FindNamed(s, "actuator", name));
+          },
+          nb::arg("name"), nb::sig("def __getitem__(self, name: str) -> numpy.typing.NDArray[numpy.float64]"))
+      .def(
+          "items",
+          [](const ActuatorForces& s) {
+            nb::list items;
+            for (std::size_t i = 0; i < s.names.size(); ++i)
+              items.append(nb::make_tuple(s.names[i], ForceOf(s, i)));
+            return items;
+          },
+          nb::sig("def items(self) -> list[tuple[str, numpy.typing.NDArray[numpy.float64]]]"))
+      .def(
+          "values",
+          [](const ActuatorForces& s) {
+            nb::list values;
+            for (std::size_t i = 0; i < s.names.size(); ++i) values.append(ForceOf(s, i));
+            return values;
+          },
+          nb::sig("def values(self) -> list[numpy.typing.NDArray[numpy.float64]]"))
       .def("__repr__", [](const ActuatorForces& s) {
         std::ostringstream text;
         text << std::setprecision(4) << "<fork1s.ActuatorForces";

@@ -16,6 +16,12 @@ namespace {
 
 using RunnerPtr = std::shared_ptr<Runner>;
 
+// Joint coordinates or their rates, as fork1s.NamedValues.
+nb::object MakeNamedValues(Runner& runner, std::vector<double> (*read)(const Simulation&)) {
+  const auto names = runner.With([](Simulation& s) { return s.CoordinateNames(); });
+  return nb::module_::import_("fork1s._named").attr("by_name")(ToArray(runner.With(read)), names);
+}
+
 void PushBody(Runner& runner, const std::string& body, const nb::object& force, const nb::object& torque,
               const nb::object& point) {
   internal::BodyPush push;
@@ -371,13 +377,13 @@ Raises ModelError, UnderdeterminedError, NumericsError, UsageError, UnknownNameE
               },
               nb::arg("body"), "(4, 4) homogeneous pose of a body. Raises UnknownNameError.")
           .def_prop_ro(
-              "joint_displacements", [](Runner& r) { return ToArray(r.With(JointCoordinates)); },
+              "joint_displacements", [](Runner& r) { return MakeNamedValues(r, JointCoordinates); },
               "(n,) joint coordinates of all mechanisms from the file's reference pose, rad or m, in the order "
-              "of `coordinates`; a base that moves and free bodies stand in `poses`.",
-              kOwn)
+              "of `coordinates`, or by one of these names; a base that moves and free bodies stand in `poses`.",
+              nb::sig("def joint_displacements(self) -> 'fork1s.NamedValues'"))
           .def_prop_ro(
-              "joint_rates", [](Runner& r) { return ToArray(r.With(JointRates)); },
-              "(n,) their rates, rad/s or m/s.", kOwn)
+              "joint_rates", [](Runner& r) { return MakeNamedValues(r, JointRates); },
+              "(n,) their rates, rad/s or m/s.", nb::sig("def joint_rates(self) -> 'fork1s.NamedValues'"))
           .def_prop_ro(
               "coordinates",
               [](Runner& r) { return r.With([](Simulation& s) { return s.CoordinateNames(); }); },

@@ -3,7 +3,9 @@
 
 #include "text.hpp"
 
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <fork1s/sim/fidelity.hpp>
 #include <optional>
 #include <string>
@@ -33,6 +35,17 @@ inline Integrator ReadIntegrator(const std::string& word) {
   throw Refused{{ErrorCode::kUsage, "integrator", "'" + word + "' is none of: euler, two-stage"}};
 }
 
+/// Steps above that [s] leave nothing of the motion of grippers, legs and arms.
+inline constexpr double kLongStep = 0.5;
+
+inline void WarnOfLongStep(double dt) {
+  if (dt <= kLongStep) return;
+  std::array<char, 128> text;
+  std::snprintf(text.data(), text.size(),
+                "dt is %.4g s: motion that is quicker than a few steps is lost; 1/60 s is usual", dt);
+  if (PyErr_WarnEx(PyExc_UserWarning, text.data(), 1) < 0) throw nb::python_error();
+}
+
 /// Options that Simulation and Batch share.
 inline RunOptions ReadRunOptions(const std::optional<Real>& given_dt,
                                  const std::optional<std::string>& keyframe, const std::string& recovery,
@@ -40,6 +53,7 @@ inline RunOptions ReadRunOptions(const std::optional<Real>& given_dt,
   const std::optional<double> dt = Read(given_dt, "dt");
   if (dt && !(*dt > 0 && std::isfinite(*dt)))
     throw Refused{{ErrorCode::kUsage, "dt", std::to_string(*dt) + " is no time step above 0 s"}};
+  WarnOfLongStep(dt.value_or(0));
   RunOptions options{dt.value_or(0), keyframe.value_or(""), ReadRecovery(recovery), ReadDetail(detail)};
   if (!integrator) return options;
   options.integrator = ReadIntegrator(*integrator);

@@ -43,6 +43,22 @@ def test_closed_form(arm):
     assert_allclose(fit.missed["forearm"][2, 2], 0, atol=1e-9)
 
 
+@pytest.mark.parametrize("factor", [1.3, 1.05, 2, 0.7])
+def test_rounding_of_a_jaw_that_only_translates_is_no_target(scenes, factor):
+    model = fork1s.load(scenes / "fourbar_gripper.xml")
+    target = {"left_jaw": model.compliance("left_jaw") * factor}
+    fit = model.fit_stiffness(target, ["left_crank"])
+    assert fit.reached and fit.error < 1e-6
+    # C = L² / (k_crank + k_rocker + k_jaw), of which 2.05 + 0.1 N·m/rad are there
+    assert_allclose(fit.stiffness["left_crank"], 2.15 / factor - 0.1, rtol=1e-6)
+    assert model.fit_stiffness(target).error < 1e-6
+
+
+def test_a_body_that_only_turns(arm):
+    fit = arm.fit_stiffness({"upper_arm": arm.compliance("upper_arm") * 1.3})
+    assert fit.reached and fit.error < 1e-8 and fit.unfelt == ["elbow"]
+
+
 def test_what_cannot_be_reached_is_said(arm):
     target = np.full((6, 6), np.nan)
     target[2, 2], target[4, 4] = 0.01, 0.02  # who shifts by 0.02 at 1 m turns by 0.02 at least

@@ -56,6 +56,21 @@ def test_many_are_as_one(name):
         assert not any(ends) and not np.any(all_ends)
 
 
+def test_time_step_is_the_tasks():
+    with pytest.raises(fork1s.UsageError, match=r"dt is the task's, 0.01667 s in 2 steps .*steps = 4"):
+        gymnasium.make("fork1s/GraspLift-v0", dt=1 / 120)
+    with pytest.raises(TypeError, match="no option 'tempo'"):
+        gymnasium.make("fork1s/GraspLift-v0", tempo=3)
+
+    class Finer(learn.GraspLift):
+        dt, steps = learn.GraspLift.dt / 2, 2 * learn.GraspLift.steps
+
+    finer = learn.Environment(Finer)
+    finer.reset(seed=1)
+    finer.step(finer.action_space.sample())
+    assert finer.members.batch.time[0] == pytest.approx(learn.GraspLift.dt * learn.GraspLift.steps)
+
+
 def test_factors_are_drawn_and_felt():
     many = gymnasium.make_vec("fork1s/Quadruped-v0", num_envs=8)
     _, info = many.reset(seed=2)
