@@ -11,8 +11,10 @@ namespace {
 // The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
 // new matrix.
 constexpr int kIterationsOfMatrix = 3;
-// What moves by less than these shares of the stage's motion and of a mechanism's length does not matter.
-constexpr double kRelativeTolerance = 1e-6, kLengthTolerance = 1e-9;
+// What moves by less than these shares of the stage's motion and of a mechanism's length does not matter: of a
+// residual, which contacts of curved shapes and meshes leave since their normals jump between poses, what in ten
+// thousand steps adds up to 1e-4 of the length at most; of a force that no stage has solved for, a tenth of that.
+constexpr double kRelativeTolerance = 1e-6, kResidualTolerance = 1e-8, kSaturationTolerance = 1e-9;
 // A stage is solved where another iteration would change poses by less than the tolerance, a share of the motion,
 // and than ten times that share of what the velocity has changed by in the step. What is left adds up to at most
 // that share of all that the velocity changes by, however many steps that takes. kRounding is a share of the
@@ -33,10 +35,6 @@ bool IsSlow(double residual, double change) {
   return !(residual * std::pow(contraction, kIterationsOfMatrix) <= 1);
 }
 
-double Negligible(double motion, double length) {
-  return kRelativeTolerance * motion + kLengthTolerance * length;
-}
-
 double Tolerance(double share, const StageMotion& moved, double length) {
   return share * std::min(moved.motion, 10 * moved.velocity_change) + std::min(kRounding, share) * length;
 }
@@ -50,7 +48,8 @@ void Add(double residual, double tolerance, const StageMotion& moved, double len
                            ? residual / std::max(Tolerance(tolerance, moved, length), 1e-300)
                            : std::numeric_limits<double>::infinity();
   out.largest = std::max(out.largest, residual);
-  out.negligible = std::max(out.negligible, residual / std::max(Negligible(moved.motion, length), 1e-300));
+  const double negligible = kRelativeTolerance * moved.motion + kResidualTolerance * length;
+  out.negligible = std::max(out.negligible, residual / std::max(negligible, 1e-300));
   out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
   if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
   out.ratio = ratio;
@@ -149,7 +148,9 @@ StepSubject FindSaturationChange(Bodies& bodies, double b) {
     const MechanismDynamics& m = bodies.mechanisms[i];
     if (!HasComplementarity(m)) continue;
     const SaturationChange change = ComputeSaturationChange(bodies.mechanisms[i], b, kOnward);
-    if (change.displacement <= Negligible(change.motion, m.mechanism().length_scale())) continue;
+    const double negligible =
+        kRelativeTolerance * change.motion + kSaturationTolerance * m.mechanism().length_scale();
+    if (change.displacement <= negligible) continue;
     return {change.is_servo ? StepSubject::Kind::kServo : StepSubject::Kind::kSpring, static_cast<int>(i),
             change.index};
   }
