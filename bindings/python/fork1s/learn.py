@@ -163,7 +163,12 @@ class _Members:
         sensors = self.batch.sensors
         return {name: sensors[name] for name in self.asked}
 
-    def begin(self, mask: npt.NDArray[np.bool_], generators: Generators) -> None:
+    def begin(
+        self,
+        mask: npt.NDArray[np.bool_],
+        generators: Generators,
+        factors: Mapping[str, npt.ArrayLike] | None = None,
+    ) -> None:
         seeds = np.zeros(len(mask), dtype=np.int64) if len(self.batch.seeds) else None
         if isinstance(generators, np.random.Generator):
             draws = [(mask, generators)]
@@ -173,7 +178,7 @@ class _Members:
             if seeds is not None:
                 seeds[members] = rng.integers(2**63 - 1, size=int(members.sum()))
             self.task.begin(members, rng)
-        self.batch.reset(mask, seeds=seeds)
+        self.batch.reset(mask, seeds=seeds, factors=factors)
         self.steps_made[mask] = 0
         self.has_begun = True
         self.now = self._read()
@@ -297,8 +302,9 @@ class Environment(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
+        """options: `factors`, in place of those drawn, as of `fork1s.Batch.reset`: {"mass:cube": 2}."""
         super().reset(seed=seed)
-        self.members.begin(np.ones(1, dtype=bool), self.np_random)
+        self.members.begin(np.ones(1, dtype=bool), self.np_random, (options or {}).get("factors"))
         return self.members.observation()[0], {k: float(v[0]) for k, v in self.members.info().items()}
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -360,7 +366,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
         """seed: a number for all members together; or a list with one for each, which then does bit by bit, in all its
-        episodes, what an Environment of that seed does, and None for a member that goes on with its own."""
+        episodes, what an Environment of that seed does, and None for a member that goes on with its own.
+        options: `factors`, in place of those drawn, a number or (n,) each, as of `fork1s.Batch.reset`; `reset_mask`."""
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"], dtype=bool)
@@ -374,7 +381,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
             super().reset(seed=seed)
             if seed is not None:
                 self._generators = None
-        self.members.begin(mask, self._drawn_by())
+        self.members.begin(mask, self._drawn_by(), (options or {}).get("factors"))
         self._ended[mask] = False
         return self.members.observation(), self.members.info()
 
