@@ -125,43 +125,10 @@ Expected<void> CheckKey(const Scene& scene, const std::string& key) {
   if (!has_name) return {};
   const Candidates candidates = FindCandidates(quantity, scene);
   if (std::find(candidates.names.begin(), candidates.names.end(), name) != candidates.names.end()) return {};
-  return Fail(
-      ErrorCode::kUsage, "factor '" + key + "'",
-      "there is no " + std::string(candidates.what) + " '" + name + "'" + Suggestion(name, candidates.names));
-}
-
-void ScaleStiffnessOf(const std::string& name, double factor, Scene& scene) {
-  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
-    MechanismDef& def = scene.mechanisms[i];
-    const std::vector<FreedomRef> freedoms = FreedomsOf(def, name);
-    if (freedoms.empty() && StiffnessOf(def, name) > 0) {
-      const double to = StiffnessOf(def, name) * factor;
-      internal::SetSensorStiffness(i, name, to, scene);
-      def = SetStiffness(std::move(def), name, to);
-    }
-    for (const FreedomRef freedom : freedoms) {
-      const double own =
-          def.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)].stiffness;
-      if (own > 0) {
-        internal::SetSensorStiffness(i, freedom, own * factor, scene);
-        def = SetStiffness(std::move(def), freedom, own * factor);
-      }
-      // A spring of the joint that is not linear.
-      for (SpringDef& spring : def.springs) {
-        if (spring.name != name || !IsAlong(freedom, spring)) continue;
-        spring.stiffness *= factor;
-        spring.damping *= std::sqrt(factor);
-        for (double& higher : spring.higher_stiffness) higher *= factor;
-        for (double& higher : spring.higher_damping) higher *= std::sqrt(factor);
-      }
-      for (SensorDef& sensor : scene.sensors)
-        for (SensorSpring& of : sensor.springs) {
-          if (of.mechanism != static_cast<int>(i) || !IsAlong(freedom, of.spring)) continue;
-          if (!(own > 0)) of.spring.stiffness *= factor;
-          for (double& higher : of.spring.higher_stiffness) higher *= factor;
-        }
-    }
-  }
+  return Fail(ErrorCode::kUsage, "factor '" + key + "'",
+              "there is no " + std::string(candidates.what) + " '" + name + "'" +
+                  Suggestion(name, candidates.names) +
+                  (quantity == "friction" && !scene.world.empty() ? "; what stands still is 'world'" : ""));
 }
 
 // Of dampers and servos whose `is_scaled` (mechanism, definition) is true.
@@ -185,21 +152,66 @@ void ScaleSensorDampers(double factor, Scene& scene, const IsScaled& is_scaled) 
       if (is_scaled(actuator)) actuator.damping *= factor;
 }
 
+void ScaleFreedomDamping(std::size_t mechanism, FreedomRef freedom, double factor, Scene& scene) {
+  scene.mechanisms[mechanism]
+      .joints[freedom.joint.u()]
+      .freedoms[static_cast<std::size_t>(freedom.freedom)]
+      .damping *= factor;
+  ScaleDampers(factor, scene,
+               [&](std::size_t at, const auto& d) { return at == mechanism && IsAlong(freedom, d); });
+  ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
+    return actuator.mechanism == static_cast<int>(mechanism) && IsAlong(freedom, actuator);
+  });
+}
+
+void ScaleStiffnessOf(const std::string& name, double factor, Scene& scene) {
+  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
+    MechanismDef& def = scene.mechanisms[i];
+    const std::vector<FreedomRef> freedoms = FreedomsOf(def, name);
+    if (freedoms.empty() && StiffnessOf(def, name) > 0) {
+      const double to = StiffnessOf(def, name) * factor;
+      internal::SetSensorStiffness(i, name, to, scene);
+      def = SetStiffness(std::move(def), name, to);
+    }
+    for (const FreedomRef freedom : freedoms) {
+      const double own =
+          def.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)].stiffness;
+      if (own > 0) {
+        internal::SetSensorStiffness(i, freedom, own * factor, scene);
+        def = SetStiffness(std::move(def), freedom, own * factor);
+      }
+      // A spring of the joint that is not linear.
+      const bool is_held = std::any_of(def.springs.begin(), def.springs.end(), [&](const SpringDef& s) {
+        return s.name == name && IsAlong(freedom, s) && HasStiffness(s);
+      });
+      if (is_held && !(own > 0)) ScaleFreedomDamping(i, freedom, std::sqrt(factor), scene);
+      for (SpringDef& spring : def.springs) {
+        if (spring.name != name || !IsAlong(freedom, spring)) continue;
+        spring.stiffness *= factor;
+        for (double& higher : spring.higher_stiffness) higher *= factor;
+        if (!(own > 0)) continue;
+        spring.damping *= std::sqrt(factor);
+        for (double& higher : spring.higher_damping) higher *= std::sqrt(factor);
+      }
+      for (SensorDef& sensor : scene.sensors)
+        for (SensorSpring& of : sensor.springs) {
+          if (of.mechanism != static_cast<int>(i) || !IsAlong(freedom, of.spring)) continue;
+          if (!(own > 0)) of.spring.stiffness *= factor;
+          for (double& higher : of.spring.higher_stiffness) higher *= factor;
+        }
+    }
+  }
+}
+
 void ScaleDampingOf(const std::string& name, double factor, Scene& scene) {
   for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
     const std::vector<FreedomRef> freedoms = FreedomsOf(scene.mechanisms[i], name);
-    const auto is_along = [&](const auto& d) {
-      return std::any_of(freedoms.begin(), freedoms.end(), [&](FreedomRef f) { return IsAlong(f, d); });
-    };
-    for (const FreedomRef f : freedoms)
-      scene.mechanisms[i].joints[f.joint.u()].freedoms[static_cast<std::size_t>(f.freedom)].damping *= factor;
-    ScaleDampers(factor, scene, [&](std::size_t at, const auto& d) {
-      return at == i && (freedoms.empty() ? d.name == name : is_along(d));
-    });
+    for (const FreedomRef freedom : freedoms) ScaleFreedomDamping(i, freedom, factor, scene);
+    if (!freedoms.empty()) continue;
+    ScaleDampers(factor, scene, [&](std::size_t at, const auto& d) { return at == i && d.name == name; });
     ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
-      if (actuator.mechanism != static_cast<int>(i)) return false;
-      if (!freedoms.empty()) return is_along(actuator);
-      return std::any_of(actuator.inputs.begin(), actuator.inputs.end(),
+      return actuator.mechanism == static_cast<int>(i) &&
+             std::any_of(actuator.inputs.begin(), actuator.inputs.end(),
                          [&](const auto& input) { return input.first == name; });
     });
   }

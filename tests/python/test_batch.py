@@ -105,6 +105,60 @@ def test_factors_of_one_element_are_those_of_a_file(factors, written):
     assert_allclose(sims[2].actuator_forces["turn"], sims[1].actuator_forces["turn"], rtol=1e-8)
 
 
+CHAIN = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="ball" type="ball" stiffness="{ball}" damping="{ball_d}"/>
+    <geom size=".05" pos=".2 0 0" mass="1"/><body name="fixed" pos=".3 0 0"><geom size=".02" mass="{mass}"/>
+    <body name="e" pos=".1 0 0"><joint name="bent" axis="0 1 0" stiffness="{bent}" damping="{bent_d}"/>
+      <geom size=".03" pos=".1 0 0" mass=".5"/></body></body></body>
+  <body name="post" pos="0 1 1"><joint name="q" axis="0 1 0" stiffness="{q}"/><geom size=".03" pos=".1 0 0" mass=".5"/>
+    <body name="tip" pos=".2 0 0"><joint name="r" axis="0 1 0"/><geom size=".03" pos=".1 0 0" mass=".5"/></body></body>
+  <body name="table" pos="2 0 0"><geom size=".1"/></body></worldbody>
+  <tendon><fixed name="t"><joint joint="q" coef="1"/><joint joint="r" coef="1"/></fixed></tendon>
+  <actuator><position name="servo" tendon="t" kp="{kp}" kv="{kv}"/></actuator>
+  <sensor><actuatorfrc name="force" actuator="servo"/><e_potential name="potential"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    "factors, written",
+    [
+        ({"stiffness:ball": 4}, {"ball": 20, "ball_d": 0.2}),  # all its freedoms
+        ({"damping:ball": 2}, {"ball_d": 0.2}),
+        ({"mass:fixed": 2}, {"mass": 0.6}),
+        ({"stiffness:bent": 4}, {"bent": "12 8 4", "bent_d": ".4 .2"}),  # powers of the stretch
+        ({"damping:bent": 2}, {"bent_d": ".4 .2"}),
+        ({"stiffness:servo": 4}, {"kp": 40, "kv": 1.0}),
+        ({"damping:servo": 2}, {"kv": 1.0}),
+        ({"damping": 2}, {"ball_d": 0.2, "bent_d": ".4 .2", "kv": 1.0}),
+        (
+            {"stiffness:bent": 4, "stiffness": 9},
+            {
+                "ball": 45,
+                "ball_d": 0.3,
+                "bent": "108 72 36",
+                "bent_d": "1.2 .6",
+                "kp": 90,
+                "kv": 1.5,
+                "q": 18,
+            },
+        ),
+    ],
+)
+def test_factors_of_springs_and_dampers_of_every_kind(factors, written):
+    plain = dict(ball=5, ball_d=0.1, mass=0.3, bent="3 2 1", bent_d=".2 .1", kp=10, kv=0.5, q=2)
+
+    def after(model):
+        sim = fork1s.Simulation(model, dt=0.005)
+        sim.controls["servo"] = 0.3
+        sim.step(60)
+        return np.hstack([sim.qpos, sim.qvel, *(sim.sensors[name] for name in ("force", "potential"))])
+
+    model = fork1s.load(CHAIN.format(**plain))
+    changed = after(model.with_factors(factors))
+    assert_allclose(changed, after(fork1s.load(CHAIN.format(**{**plain, **written}))), rtol=1e-9, atol=1e-12)
+    assert np.abs(changed - after(model)).max() > 0.1
+    with pytest.raises(fork1s.UsageError, match="'table'.*what stands still is 'world'"):
+        model.with_factors({"friction:table": 2})
+
+
 def test_factors_of_tendons_and_of_gravity():
     batch = fork1s.Batch(crate(), 2, factors={"stiffness:rope": 4, "gravity": [1, 0.5]}, dt=0.01)
     sims = [fork1s.Simulation(crate(rope=80.0, gravity=gravity), dt=0.01) for gravity in (-10, -5)]
