@@ -304,7 +304,7 @@ class Environment(gymnasium.Env):
     ) -> tuple[Any, dict[str, Any]]:
         """options: `factors`, in place of those drawn, as of `fork1s.Batch.reset`: {"mass:cube": 2}."""
         super().reset(seed=seed)
-        self.members.begin(np.ones(1, dtype=bool), self.np_random, (options or {}).get("factors"))
+        self.members.begin(np.ones(1, dtype=bool), self.np_random, _factors_of(options))
         return self.members.observation()[0], {k: float(v[0]) for k, v in self.members.info().items()}
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -381,7 +381,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
             super().reset(seed=seed)
             if seed is not None:
                 self._generators = None
-        self.members.begin(mask, self._drawn_by(), (options or {}).get("factors"))
+        self.members.begin(mask, self._drawn_by(), _factors_of(options, "reset_mask"))
         self._ended[mask] = False
         return self.members.observation(), self.members.info()
 
@@ -411,6 +411,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
 
     def close_extras(self, **kwargs: Any) -> None:
         self.members.close()
+
+
+def _factors_of(options: dict[str, Any] | None, *others: str) -> Mapping[str, npt.ArrayLike] | None:
+    known = ("factors", *others)
+    for name in options or {}:
+        if name not in known:
+            raise UsageError(f"options of reset have '{name}'; there are: {', '.join(known)}")
+    return (options or {}).get("factors")
 
 
 def _generators_of(

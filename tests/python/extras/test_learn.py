@@ -84,6 +84,9 @@ def test_factors_by_name_are_drawn_and_given():
     _, info = many.reset(seed=2, options={"factors": {"gravity": [1, 2, 3]}})
     assert len(set(info["mass:cube"])) == 3
     assert_array_equal(info["gravity"], [1, 2, 3])
+    for env in (one, many):
+        with pytest.raises(fork1s.UsageError, match="options of reset have 'mass:cube'; there are: factors"):
+            env.reset(options={"mass:cube": 2})
     with pytest.raises(fork1s.UsageError, match="no body with mass 'cub'; near names are 'cube'"):
         gymnasium.make("fork1s/GraspLift-v0", randomise={"mass:cub": (1, 2)})
 
