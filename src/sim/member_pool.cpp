@@ -6,17 +6,17 @@ namespace fork1s::internal {
 
 namespace {
 
-std::vector<double> KeyOf(const SceneFactors& factors) {
-  const auto& [stiffness, friction, mass] = factors;
-  return {stiffness, friction, mass};
-}
-
 bool HasStepModels(const Simulation::Snapshot& moment) {
   return std::all_of(moment.world.mechanisms.begin(), moment.world.mechanisms.end(),
                      [](const MechanismState& state) { return state.step_model != nullptr; });
 }
 
 }  // namespace
+
+MemberPool::FactorsKey MemberPool::KeyOf(const SceneFactors& factors) {
+  const auto& [stiffness, friction, mass, named] = factors;
+  return {{stiffness, friction, mass}, named};
+}
 
 MemberPool::Use::Use(MemberPool& pool, std::size_t index)
     : member(pool.members_[index]), seat(pool.Acquire(*member.variant, member)) {
@@ -82,7 +82,7 @@ std::unique_ptr<MemberPool::Seat> MemberPool::Acquire(Variant& variant, const Me
 
 Expected<std::shared_ptr<MemberPool::Variant>> MemberPool::FindOrMake(const SceneFactors& factors,
                                                                       std::optional<Simulation> begun) {
-  const std::vector<double> key = KeyOf(factors);
+  const FactorsKey key = KeyOf(factors);
   {
     const std::lock_guard lock(mutex_);
     if (const auto at = variants_.find(key); at != variants_.end()) return at->second;

@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -64,6 +65,8 @@ class MemberPool {
 
  private:
   struct Member;
+  // SceneFactors, in an order.
+  using FactorsKey = std::pair<std::vector<double>, std::map<std::string, double>>;
   struct Seat {
     Simulation simulation;
     std::shared_ptr<const Scene> made_of;  // of its world, as in Simulation::Snapshot
@@ -97,6 +100,7 @@ class MemberPool {
     std::unique_ptr<Seat> seat;
   };
 
+  static FactorsKey KeyOf(const SceneFactors& factors);
   /// Whether a seat has the state of a member.
   static bool Has(const Seat& seat, const Member& member);
   /// Of a member of the seat's variant, as of the scene of its world.
@@ -114,7 +118,7 @@ class MemberPool {
   Starts starts_;
   std::vector<Member> members_;
   std::mutex mutex_;
-  std::map<std::vector<double>, std::shared_ptr<Variant>> variants_;  // by their factors
+  std::map<FactorsKey, std::shared_ptr<Variant>> variants_;  // by their factors
 };
 
 }  // namespace fork1s::internal

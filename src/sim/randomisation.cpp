@@ -20,6 +20,13 @@ double Factor(std::mt19937_64& bits, const DrawRange& range) {
   return range.low == range.high ? range.low : range.low * std::exp(at * std::log(range.high / range.low));
 }
 
+// FNV-1a.
+std::uint64_t HashOf(const std::string& key) {
+  std::uint64_t hash = 0xcbf29ce484222325;
+  for (const char c : key) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  return hash;
+}
+
 std::string NamesAll(const Simulation& simulation) {
   std::string all;
   for (const std::string& name : simulation.CoordinateNames()) all += (all.empty() ? "" : ", ") + name;
@@ -48,7 +55,9 @@ Drawn Draw(const Randomisation& randomisation, std::uint64_t seed, std::uint64_t
   const auto low = [](std::uint64_t word) { return static_cast<std::uint32_t>(word); };
   std::seed_seq words{low(seed), low(seed >> 32), low(time), low(time >> 32)};
   std::mt19937_64 bits(words);
-  for (const DrawRange& range : {randomisation.stiffness, randomisation.friction, randomisation.mass})
+  std::vector<DrawRange> of_factors = {randomisation.stiffness, randomisation.friction, randomisation.mass};
+  for (const FactorRange& named : randomisation.named) of_factors.push_back(named.range);
+  for (const DrawRange& range : of_factors)
     FORK1S_REQUIRE(0 < range.low && range.low <= range.high && std::isfinite(range.high), "a range",
                    range.low, "to", range.high, "of a factor; give low above 0 and high from there on");
   Drawn drawn;
@@ -62,6 +71,12 @@ Drawn Draw(const Randomisation& randomisation, std::uint64_t seed, std::uint64_t
                    "a range", range.low, "to", range.high,
                    "of '" + randomisation.start[i].coordinate + "'; give low, then high");
     drawn.start(static_cast<Eigen::Index>(i)) = range.low + (range.high - range.low) * Unit(bits);
+  }
+  for (const auto& [key, range] : randomisation.named) {
+    std::seed_seq own_words{low(seed),       low(seed >> 32),  low(time),
+                            low(time >> 32), low(HashOf(key)), low(HashOf(key) >> 32)};
+    std::mt19937_64 own(own_words);
+    SetFactor(key, Factor(own, range), drawn.factors);
   }
   return drawn;
 }
@@ -127,6 +142,7 @@ Expected<Starts> Starts::Create(Scene scene, const SimulationOptions& options,
 
 Expected<Simulation> Starts::Begin(const Drawn& drawn) const {
   FORK1S_REQUIRE(drawn.start.size() == num_coordinates(), drawn.start.size(), num_coordinates());
+  if (auto known = CheckFactors(scene_, drawn.factors); !known) return tl::unexpected(known.error());
   Scene scene = Vary(scene_, drawn.factors);
   if (places_.empty()) return Simulation::Create(std::move(scene), options_);
   KeyframeDef key = key_;

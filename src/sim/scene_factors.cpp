@@ -1,8 +1,12 @@
 #include <fork1s/sim/scene_factors.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <fork1s/mechanism/mechanism.hpp>
+#include <fork1s/mechanism/set_stiffness.hpp>
+#include <utility>
 
+#include "base/near_names.hpp"
 #include "mechanism/sensor_stiffness.hpp"
 
 namespace fork1s {
@@ -17,27 +21,293 @@ void ScaleMass(double factor, SpatialInertia& inertia) {
   inertia.rotational *= factor;
 }
 
+// f(body) of all bodies of the scene.
+template <class SceneType, class F>
+void ForBodies(SceneType& scene, F&& f) {
+  for (auto& def : scene.mechanisms)
+    for (auto& b : def.bodies) f(b);
+  for (auto& b : scene.free_bodies) f(b);
+}
+
+struct Key {
+  std::string quantity, name;  // "mass", "cube"; without a name: of all
+};
+
+Key Split(const std::string& key) {
+  const auto colon = key.find(':');
+  if (colon == std::string::npos) return {key, ""};
+  return {key.substr(0, colon), key.substr(colon + 1)};
+}
+
+std::string NameOf(const JointDef& joint, int freedom) {
+  return joint.name + (joint.freedoms.size() == 1 ? "" : " (freedom " + std::to_string(freedom + 1) + ")");
+}
+
+// Freedoms of that name, as Mechanism::CoordinateName has it, or all of a joint.
+std::vector<FreedomRef> FreedomsOf(const MechanismDef& def, const std::string& name) {
+  std::vector<FreedomRef> all;
+  for (std::size_t j = 0; j < def.joints.size(); ++j)
+    for (int f = 0; f < static_cast<int>(def.joints[j].freedoms.size()); ++f)
+      if (def.joints[j].name == name || NameOf(def.joints[j], f) == name)
+        all.push_back({JointIndex(static_cast<int>(j)), f});
+  return all;
+}
+
+template <class Length>
+bool IsAlong(FreedomRef freedom, const Length& length) {
+  return length.along.path < 0 && length.terms.size() == 1 && length.terms[0].first.joint == freedom.joint &&
+         length.terms[0].first.freedom == freedom.freedom;
+}
+
+bool HasStiffness(const SpringDef& s) {
+  return s.stiffness > 0 || s.higher_stiffness != std::array<double, 2>{};
+}
+bool HasDamping(const SpringDef& s) { return s.damping > 0 || s.higher_damping != std::array<double, 2>{}; }
+
+// What a quantity can be scaled of.
+struct Candidates {
+  const char* what;
+  std::vector<std::string> names;
+};
+
+Candidates FindCandidates(const std::string& quantity, const Scene& scene) {
+  Candidates found{"body with mass", {}};
+  const auto add = [&](const std::string& name) {
+    if (std::find(found.names.begin(), found.names.end(), name) == found.names.end())
+      found.names.push_back(name);
+  };
+  if (quantity == "mass") {
+    ForBodies(scene, [&](const auto& b) {
+      if (b.inertia.mass > 0) add(b.name);
+    });
+    return found;
+  }
+  if (quantity == "friction") {
+    found.what = "body with shapes";
+    ForBodies(scene, [&](const auto& b) {
+      if (!b.geometries.empty()) add(b.name);
+    });
+    if (!scene.world.empty()) add("world");
+    return found;
+  }
+  const bool of_stiffness = quantity == "stiffness", of_friction = quantity == "frictionloss";
+  found.what = of_stiffness  ? "joint or tendon that a spring or servo holds"
+               : of_friction ? "joint or tendon with dry friction"
+                             : "joint or tendon with damping";
+  for (const MechanismDef& def : scene.mechanisms) {
+    if (of_friction) {
+      for (const DryFrictionDef& friction : def.frictions) add(friction.name);
+      continue;
+    }
+    for (const JointDef& joint : def.joints)
+      for (std::size_t f = 0; f < joint.freedoms.size(); ++f) {
+        if (!((of_stiffness ? joint.freedoms[f].stiffness : joint.freedoms[f].damping) > 0)) continue;
+        add(NameOf(joint, static_cast<int>(f)));
+        if (joint.freedoms.size() > 1) add(joint.name);
+      }
+    for (const SpringDef& spring : def.springs)
+      if (of_stiffness ? HasStiffness(spring) : HasDamping(spring)) add(spring.name);
+  }
+  return found;
+}
+
+Expected<void> CheckKey(const Scene& scene, const std::string& key) {
+  static const std::vector<std::string> kWithName = {"stiffness", "friction", "mass", "damping",
+                                                     "frictionloss"};
+  const auto [quantity, name] = Split(key);
+  const bool has_name = key.find(':') != std::string::npos;
+  const bool is_known = std::find(kWithName.begin(), kWithName.end(), quantity) != kWithName.end();
+  if (has_name ? !is_known : quantity != "gravity" && quantity != "damping" && quantity != "frictionloss")
+    return Fail(
+        ErrorCode::kUsage, "factor '" + key + "'",
+        "is none of: stiffness, friction, mass, damping, frictionloss, gravity, mass:BODY, friction:BODY, "
+        "stiffness:NAME, damping:NAME, frictionloss:NAME of a joint or tendon");
+  if (!has_name) return {};
+  const Candidates candidates = FindCandidates(quantity, scene);
+  if (std::find(candidates.names.begin(), candidates.names.end(), name) != candidates.names.end()) return {};
+  return Fail(ErrorCode::kUsage, "factor '" + key + "'",
+              "there is no " + std::string(candidates.what) + " '" + name + "'" +
+                  Suggestion(name, candidates.names) +
+                  (quantity == "friction" && !scene.world.empty() ? "; what stands still is 'world'" : ""));
+}
+
+// Of dampers and servos whose `is_scaled` (mechanism, definition) is true.
+template <class IsScaled>
+void ScaleDampers(double factor, Scene& scene, const IsScaled& is_scaled) {
+  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
+    for (SpringDef& spring : scene.mechanisms[i].springs) {
+      if (!is_scaled(i, spring)) continue;
+      spring.damping *= factor;
+      for (double& higher : spring.higher_damping) higher *= factor;
+    }
+    for (ForceLimitDef& limit : scene.mechanisms[i].force_limits)
+      if (is_scaled(i, limit)) limit.damping *= factor;
+  }
+}
+
+template <class IsScaled>
+void ScaleSensorDampers(double factor, Scene& scene, const IsScaled& is_scaled) {
+  for (SensorDef& sensor : scene.sensors)
+    for (SensorActuator& actuator : sensor.actuators)
+      if (is_scaled(actuator)) actuator.damping *= factor;
+}
+
+void ScaleFreedomDamping(std::size_t mechanism, FreedomRef freedom, double factor, Scene& scene) {
+  scene.mechanisms[mechanism]
+      .joints[freedom.joint.u()]
+      .freedoms[static_cast<std::size_t>(freedom.freedom)]
+      .damping *= factor;
+  ScaleDampers(factor, scene,
+               [&](std::size_t at, const auto& d) { return at == mechanism && IsAlong(freedom, d); });
+  ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
+    return actuator.mechanism == static_cast<int>(mechanism) && IsAlong(freedom, actuator);
+  });
+}
+
+void ScaleStiffnessOf(const std::string& name, double factor, Scene& scene) {
+  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
+    MechanismDef& def = scene.mechanisms[i];
+    const std::vector<FreedomRef> freedoms = FreedomsOf(def, name);
+    if (freedoms.empty() && StiffnessOf(def, name) > 0) {
+      const double to = StiffnessOf(def, name) * factor;
+      internal::SetSensorStiffness(i, name, to, scene);
+      def = SetStiffness(std::move(def), name, to);
+    }
+    for (const FreedomRef freedom : freedoms) {
+      const double own =
+          def.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)].stiffness;
+      if (own > 0) {
+        internal::SetSensorStiffness(i, freedom, own * factor, scene);
+        def = SetStiffness(std::move(def), freedom, own * factor);
+      }
+      // A spring of the joint that is not linear.
+      const bool is_held = std::any_of(def.springs.begin(), def.springs.end(), [&](const SpringDef& s) {
+        return s.name == name && IsAlong(freedom, s) && HasStiffness(s);
+      });
+      if (is_held && !(own > 0)) ScaleFreedomDamping(i, freedom, std::sqrt(factor), scene);
+      for (SpringDef& spring : def.springs) {
+        if (spring.name != name || !IsAlong(freedom, spring)) continue;
+        spring.stiffness *= factor;
+        for (double& higher : spring.higher_stiffness) higher *= factor;
+        if (!(own > 0)) continue;
+        spring.damping *= std::sqrt(factor);
+        for (double& higher : spring.higher_damping) higher *= std::sqrt(factor);
+      }
+      for (SensorDef& sensor : scene.sensors)
+        for (SensorSpring& of : sensor.springs) {
+          if (of.mechanism != static_cast<int>(i) || !IsAlong(freedom, of.spring)) continue;
+          if (!(own > 0)) of.spring.stiffness *= factor;
+          for (double& higher : of.spring.higher_stiffness) higher *= factor;
+        }
+    }
+  }
+}
+
+void ScaleDampingOf(const std::string& name, double factor, Scene& scene) {
+  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
+    const std::vector<FreedomRef> freedoms = FreedomsOf(scene.mechanisms[i], name);
+    for (const FreedomRef freedom : freedoms) ScaleFreedomDamping(i, freedom, factor, scene);
+    if (!freedoms.empty()) continue;
+    ScaleDampers(factor, scene, [&](std::size_t at, const auto& d) { return at == i && d.name == name; });
+    ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
+      return actuator.mechanism == static_cast<int>(i) &&
+             std::any_of(actuator.inputs.begin(), actuator.inputs.end(),
+                         [&](const auto& input) { return input.first == name; });
+    });
+  }
+}
+
+void ScaleDamping(double factor, Scene& scene) {
+  for (MechanismDef& def : scene.mechanisms) {
+    for (JointDef& joint : def.joints)
+      for (FreedomDef& f : joint.freedoms) f.damping *= factor;
+    for (ClosureDef& closure : def.closures) closure.damping *= factor;
+  }
+  ScaleDampers(factor, scene, [](std::size_t, const auto&) { return true; });
+  ScaleSensorDampers(factor, scene, [](const SensorActuator&) { return true; });
+}
+
+void ScaleFrictionOf(const std::string& body, double factor, Scene& scene) {
+  std::vector<char> is_scaled(scene.contact_pairs.size());
+  const auto scale = [&](std::vector<GeometryDef>& geometries) {
+    ScaleFriction(factor, geometries);
+    for (const GeometryDef& g : geometries)
+      for (const int pair : g.pairs) is_scaled[static_cast<std::size_t>(pair)] = 1;
+  };
+  ForBodies(scene, [&](auto& b) {
+    if (b.name == body) scale(b.geometries);
+  });
+  if (body == "world") scale(scene.world);
+  for (std::size_t p = 0; p < is_scaled.size(); ++p)
+    if (is_scaled[p]) scene.contact_pairs[p].friction *= factor;
+}
+
+void ScaleNamed(const std::string& key, double factor, Scene& scene) {
+  const auto [quantity, name] = Split(key);
+  if (quantity == "gravity") {
+    scene.gravity *= factor;
+  } else if (quantity == "mass") {
+    ForBodies(scene, [&, &body = name](auto& b) {
+      if (b.name == body) ScaleMass(factor, b.inertia);
+    });
+  } else if (quantity == "friction") {
+    ScaleFrictionOf(name, factor, scene);
+  } else if (quantity == "stiffness") {
+    ScaleStiffnessOf(name, factor, scene);
+  } else if (quantity == "damping") {
+    if (name.empty())
+      ScaleDamping(factor, scene);
+    else
+      ScaleDampingOf(name, factor, scene);
+  } else {
+    for (MechanismDef& def : scene.mechanisms)
+      for (DryFrictionDef& friction : def.frictions)
+        if (name.empty() || friction.name == name) friction.force *= factor;
+  }
+}
+
 }  // namespace
 
+void SetFactor(const std::string& key, double factor, SceneFactors& factors) {
+  if (key == "stiffness")
+    factors.stiffness = factor;
+  else if (key == "friction")
+    factors.friction = factor;
+  else if (key == "mass")
+    factors.mass = factor;
+  else
+    factors.named[key] = factor;
+}
+
+Expected<void> CheckFactors(const Scene& scene, const SceneFactors& factors) {
+  for (const auto& [key, factor] : factors.named)
+    if (auto known = CheckKey(scene, key); !known) return known;
+  return {};
+}
+
 Scene Vary(Scene scene, const SceneFactors& factors) {
-  for (const auto& [what, factor] :
-       {std::pair{"stiffness", factors.stiffness}, {"friction", factors.friction}, {"mass", factors.mass}})
+  std::vector<std::pair<std::string, double>> all = {
+      {"stiffness", factors.stiffness}, {"friction", factors.friction}, {"mass", factors.mass}};
+  all.insert(all.end(), factors.named.begin(), factors.named.end());
+  for (const auto& [what, factor] : all) {
     FORK1S_REQUIRE(std::isfinite(factor) && factor >= 0, what, "by", factor, "; give a factor of 0 or more");
-  FORK1S_REQUIRE(factors.mass > 0, "mass by 0; give a factor above 0");
+    FORK1S_REQUIRE(factor > 0 || !(what.starts_with("mass") || what.starts_with("stiffness:")), what,
+                   "by 0; give a factor above 0");
+  }
+  const auto known = CheckFactors(scene, factors);
+  FORK1S_REQUIRE(known.has_value(), known ? "" : known.error().Text());
   if (factors.stiffness != 1) {
     for (MechanismDef& def : scene.mechanisms) def = ScaleStiffness(std::move(def), factors.stiffness);
     internal::ScaleSensorLaws(factors.stiffness, scene);
   }
-  for (MechanismDef& def : scene.mechanisms)
-    for (BodyDef& b : def.bodies) {
-      ScaleFriction(factors.friction, b.geometries);
-      ScaleMass(factors.mass, b.inertia);
-    }
-  for (FreeBodyDef& b : scene.free_bodies) {
+  ForBodies(scene, [&](auto& b) {
     ScaleFriction(factors.friction, b.geometries);
     ScaleMass(factors.mass, b.inertia);
-  }
+  });
   ScaleFriction(factors.friction, scene.world);
+  for (ContactPairDef& pair : scene.contact_pairs) pair.friction *= factors.friction;
+  for (const auto& [key, factor] : factors.named)
+    if (factor != 1) ScaleNamed(key, factor, scene);
   return scene;
 }
 

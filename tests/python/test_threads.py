@@ -124,6 +124,7 @@ methods = {
         linear_model=or_refused(lambda: arm.linear_model()), point_stiffness=lambda: arm.point_stiffness('tip', [0, 0, 0]),
         response=or_refused(lambda: arm.response('tip')), state_space=or_refused(lambda: arm.state_space()),
         stiffness=lambda: arm.stiffness(), with_stiffness=lambda: arm.with_stiffness({'elbow': 5}),
+        with_factors=lambda: arm.with_factors({'mass:tip': 2}),
         load=lambda: fork1s.load(ARM), compare=lambda: fork1s.compare(arm, time=.02),
         statics=or_refused(lambda: fork1s.statics(arm, 'tip', force=[0, 1, 0])),
     ),

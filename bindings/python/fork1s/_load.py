@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 Source = Union[str, "os.PathLike[str]", "mujoco.MjModel", "mujoco.MjSpec"]
 Gains = tuple[float, float]
-Recipe = tuple[Any, dict[str, Any], dict[str, float]]  # source, options, stiffnesses set since
+# In their order: "stiffness" set or "factors" worked in, by name.
+Changes = tuple[tuple[str, dict[str, float]], ...]
+Recipe = tuple[Any, dict[str, Any], Changes]  # source, options, changes since
 
 
 def scene(name: str) -> Path:
@@ -120,7 +122,7 @@ def load(
         source = copy.copy(source)
     elif not (isinstance(source, str) and source.lstrip().startswith("<")):
         source = os.path.abspath(source)
-    _note(model, (source, {name: v for name, v in given.items() if v is not _DEFAULTS[name]}, {}))
+    _note(model, (source, {name: v for name, v in given.items() if v is not _DEFAULTS[name]}, ()))
     return model
 
 
@@ -190,9 +192,35 @@ def _read(source: Any, options: dict[str, Any], in_process: bool, read_time: flo
 def with_stiffness(model: _core.Model, stiffness: Mapping[str, float]) -> _core.Model:
     private: Any = model
     changed: _core.Model = private._with_stiffness(dict(stiffness))
-    source, options, before = recipe_of(model)
-    _note(changed, (source, options, {**before, **{name: float(k) for name, k in stiffness.items()}}))
+    _note_change(changed, model, "stiffness", stiffness)
     return changed
+
+
+def with_factors(model: _core.Model, factors: Mapping[str, float]) -> _core.Model:
+    private: Any = model
+    changed: _core.Model = private._with_factors(dict(factors))
+    _note_change(changed, model, "factors", factors)
+    return changed
+
+
+def changed_again(model: _core.Model, changes: Changes) -> _core.Model:
+    """The model with changes of a recipe worked in."""
+    for kind, values in changes:
+        model = (with_stiffness if kind == "stiffness" else with_factors)(model, values)
+    return model
+
+
+def joined(changes: Changes, kind: str, values: Mapping[str, float]) -> Changes:
+    """Changes, and then another. Of stiffnesses one after the other the last ones count."""
+    floats = {name: float(value) for name, value in values.items()}
+    if kind == "stiffness" and changes and changes[-1][0] == kind:
+        return (*changes[:-1], (kind, {**changes[-1][1], **floats}))
+    return (*changes, (kind, floats))
+
+
+def _note_change(changed: _core.Model, model: _core.Model, kind: str, values: Mapping[str, float]) -> None:
+    source, options, before = recipe_of(model)
+    _note(changed, (source, options, joined(before, kind, values)))
 
 
 def _note(model: _core.Model, recipe: Recipe) -> None:
@@ -201,7 +229,7 @@ def _note(model: _core.Model, recipe: Recipe) -> None:
 
 
 def recipe_of(model: _core.Model) -> Recipe:
-    """What `load` was given, its options, and the stiffnesses that were set since."""
+    """What `load` was given, its options, and what was changed since."""
     private: Any = model
     recipe: Recipe = private._recipe
     return recipe

@@ -39,7 +39,7 @@ class Adapter:
     def reset(self) -> npt.NDArray[np.float32]:
         """Observations (n, o). Members draw from the seeds of `seed`, given before, or go on with their own."""
         if any(self._options):
-            raise UsageError("set_options was given options, and environments of fork1s have none")
+            raise UsageError("set_options was given options, which this adapter does not take")
         self._generators = self._seeding(self._seeds, self._generators)
         self._seeds = [None] * self.num_envs
         self.members.begin(np.ones(self.num_envs, dtype=bool), self._generators)

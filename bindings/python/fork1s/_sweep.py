@@ -48,6 +48,7 @@ def sweep(
 
             - an option of `load` ('stiffness_scale', 'modes', ...);
             - 'stiffness:JOINT', what holds a joint coordinate, N·m/rad or N/m (`Model.with_stiffness`);
+            - 'factor:NAME', a factor of `Model.with_factors`: 'factor:mass:cube', 'factor:gravity';
             - 'KIND:NAME.FIELD', a field of an element of the MJCF file ('geom:cube.mass', 'joint:elbow.damping'), as
               `mujoco.MjSpec` has kinds and fields; a number sets the first entry of a field that has several;
             - any other, for `metric` and for a function as `model`.

@@ -110,12 +110,12 @@ class _Walk:
             self.add(model)
 
     def _add_recipe(self, model: _core.Model) -> None:
-        source, options, stiffness = recipe_of(model)
+        source, options, changes = recipe_of(model)
         if isinstance(source, (str, os.PathLike)):
             self._add_source(source, options.get("packages") or {})
         else:
             self.add(source)
-        self.add([options, stiffness])
+        self.add([options, changes])
 
     def _add_source(self, source: Any, packages: Mapping[str, Any]) -> None:
         if _is_text(source):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import _core, _mujoco_objects
 from ._errors import UnknownNameError, UsageError
-from ._load import load, recipe_of
+from ._load import Changes, changed_again, joined, load, recipe_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -118,25 +118,37 @@ def model_at(model: Any, point: Mapping[str, Any]) -> _core.Model:
     """The model of a point: options of load, fields of the file's elements and stiffnesses worked in."""
     options = {name: value for name, value in point.items() if name in LOAD_OPTIONS}
     fields = {
-        name: value for name, value in point.items() if ":" in name and not name.startswith("stiffness:")
+        name: value
+        for name, value in point.items()
+        if ":" in name and not name.startswith(("stiffness:", "factor:"))
     }
-    stiffness = {
-        name.split(":", 1)[1]: value for name, value in point.items() if name.startswith("stiffness:")
-    }
+    changes: Changes = ()
     if callable(model):
         model, options = model(**point), {}
     if isinstance(model, _core.Model):
         if not options and not fields:
-            return model.with_stiffness(stiffness) if stiffness else model
-        source, before, held = recipe_of(model)
-        options, stiffness = {**before, **options}, {**held, **stiffness}
+            return changed_again(model, _changes(point))
+        source, before, changes = recipe_of(model)
+        options = {**before, **options}
     else:
         source = model
     if fields:
         source = _with_fields(source, fields)
         options.pop("packages", None)
     loaded = load(source, **options)
-    return loaded.with_stiffness(stiffness) if stiffness else loaded
+    for kind, values in _changes(point):
+        changes = joined(changes, kind, values)
+    return changed_again(loaded, changes)
+
+
+def _changes(point: Mapping[str, Any]) -> Changes:
+    """Stiffnesses, then factors of a point."""
+    found: Changes = ()
+    for prefix, kind in (("stiffness:", "stiffness"), ("factor:", "factors")):
+        values = {name[len(prefix) :]: value for name, value in point.items() if name.startswith(prefix)}
+        if values:
+            found = joined(found, kind, values)
+    return found
 
 
 def _with_fields(source: Any, fields: Mapping[str, Any]) -> mujoco.MjSpec:

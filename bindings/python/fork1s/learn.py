@@ -171,7 +171,12 @@ class _Members:
         sensors = self.batch.sensors
         return {name: sensors[name] for name in self.asked}
 
-    def begin(self, mask: npt.NDArray[np.bool_], generators: Generators) -> None:
+    def begin(
+        self,
+        mask: npt.NDArray[np.bool_],
+        generators: Generators,
+        factors: Mapping[str, npt.ArrayLike] | None = None,
+    ) -> None:
         seeds = np.zeros(len(mask), dtype=np.int64) if len(self.batch.seeds) else None
         if isinstance(generators, np.random.Generator):
             draws = [(mask, generators)]
@@ -181,7 +186,7 @@ class _Members:
             if seeds is not None:
                 seeds[members] = rng.integers(2**63 - 1, size=int(members.sum()))
             self.task.begin(members, rng)
-        self.batch.reset(mask, seeds=seeds)
+        self.batch.reset(mask, seeds=seeds, factors=factors)
         self.steps_made[mask] = 0
         self.has_begun = True
         self.now = self._read()
@@ -305,8 +310,9 @@ class Environment(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
+        """options: `factors`, in place of those drawn, as of `fork1s.Batch.reset`: {"mass:cube": 2}."""
         super().reset(seed=seed)
-        self.members.begin(np.ones(1, dtype=bool), self.np_random)
+        self.members.begin(np.ones(1, dtype=bool), self.np_random, _factors_of(options))
         return self.members.observation()[0], {k: float(v[0]) for k, v in self.members.info().items()}
 
     def step(self, action: npt.ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -368,7 +374,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
         """seed: a number for all members together; or a list with one for each, which then does bit by bit, in all its
-        episodes, what an Environment of that seed does, and None for a member that goes on with its own."""
+        episodes, what an Environment of that seed does, and None for a member that goes on with its own.
+        options: `factors`, in place of those drawn, a number or (n,) each, as of `fork1s.Batch.reset`; `reset_mask`."""
         mask = np.ones(self.num_envs, dtype=bool)
         if options and "reset_mask" in options:
             mask = np.asarray(options["reset_mask"], dtype=bool)
@@ -382,7 +389,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
             super().reset(seed=seed)
             if seed is not None:
                 self._generators = None
-        self.members.begin(mask, self._drawn_by())
+        self.members.begin(mask, self._drawn_by(), _factors_of(options, "reset_mask"))
         self._ended[mask] = False
         return self.members.observation(), self.members.info()
 
@@ -412,6 +419,14 @@ class VectorEnvironment(gymnasium.vector.VectorEnv):
 
     def close_extras(self, **kwargs: Any) -> None:
         self.members.close()
+
+
+def _factors_of(options: dict[str, Any] | None, *others: str) -> Mapping[str, npt.ArrayLike] | None:
+    known = ("factors", *others)
+    for name in options or {}:
+        if name not in known:
+            raise UsageError(f"options of reset have '{name}'; there are: {', '.join(known)}")
+    return (options or {}).get("factors")
 
 
 def _generators_of(

@@ -32,9 +32,12 @@ Starts StartsOf(const Model& model, const SimulationOptions& options, const Rand
 }
 
 void TakeGiven(const MemberDifferences& differences, std::size_t i, SceneFactors& factors) {
-  double* const all[3] = {&factors.stiffness, &factors.friction, &factors.mass};
-  for (std::size_t k = 0; k < 3; ++k)
-    if (!differences.given[k].empty()) *all[k] = differences.given[k][i];
+  for (const auto& [key, of_members] : differences.given) SetFactor(key, of_members[i], factors);
+}
+
+bool ScalesNothing(SceneFactors factors) {
+  std::erase_if(factors.named, [](const auto& named) { return named.second == 1; });
+  return factors == SceneFactors{};
 }
 
 }  // namespace
@@ -294,7 +297,7 @@ void Batch::Restore(const Runner::Snapshot& moment, const std::vector<char>& mas
           "the moment has pushes for the next call, which a batch takes by step(push=...); save it before "
           "Simulation.push");
     for (std::size_t at = 0; at < mask.size(); ++at)
-      if (mask[at] && !(drawn_[at].factors == SceneFactors{}))
+      if (mask[at] && !ScalesNothing(drawn_[at].factors))
         return Fail(ErrorCode::kUsage, "restore",
                     "member " + std::to_string(at) +
                         " has factors of its own, with which the moment of a simulation is none of its; "
@@ -361,6 +364,11 @@ std::vector<std::uint64_t> Batch::Seeds() const {
   ReleasedGil gil;
   WithCallMutex(mutex_, "Batch", [&] { now = seeds_; });
   return now;
+}
+
+void Batch::ForFirst(const std::function<void(const Simulation&)>& f) const {
+  ReleasedGil gil;
+  WithCallMutex(mutex_, "Batch", [&] { members_.Read(0, f); });
 }
 
 void Batch::ForAll(const std::function<void(int, const Simulation&)>& f) const {

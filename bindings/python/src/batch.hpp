@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <fork1s/sim/randomisation.hpp>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "released_gil.hpp"
@@ -26,9 +28,9 @@ struct BatchReport {
 
 /// How the members differ.
 struct MemberDifferences {
-  Randomisation ranges;              // what seeds draw from
-  std::vector<std::uint64_t> seeds;  // one each; empty: nothing is drawn
-  std::vector<double> given[3];      // factors of stiffness, friction, mass, one each; empty: none given
+  Randomisation ranges;                              // what seeds draw from
+  std::vector<std::uint64_t> seeds;                  // one each; empty: nothing is drawn
+  std::map<std::string, std::vector<double>> given;  // factors, one each, by the key of SetFactor
 };
 
 /// A force on a point that moves with a body, its origin, through all steps of a call.
@@ -95,6 +97,8 @@ class Batch {
   std::vector<std::uint64_t> Seeds() const;
   /// f(i, simulation) for all, on threads; f writes to what is its own.
   void ForAll(const std::function<void(int, const Simulation&)>& f) const;
+  /// f(simulation) for the first, where all are alike.
+  void ForFirst(const std::function<void(const Simulation&)>& f) const;
   /// Of all members at their present states.
   SensorValues ReadSensors();
 

@@ -3,6 +3,7 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/pair.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "arguments.hpp"
@@ -28,6 +29,12 @@ std::vector<double> ReadFactors(const nb::object& given, std::size_t count, cons
     if (!(std::isfinite(f) && f > 0))
       throw nb::value_error((std::string(argument) + " must be finite and above 0").c_str());
   return factors;
+}
+
+bool IsFactor(const std::string& name) {
+  const std::string quantity = name.substr(0, name.find(':'));
+  const auto all = {"stiffness", "friction", "mass", "damping", "frictionloss", "gravity"};
+  return std::any_of(all.begin(), all.end(), [&](const char* known) { return quantity == known; });
 }
 
 // One for all, from which each member's is mixed, or one for each.
@@ -83,21 +90,34 @@ Randomisation ReadRanges(const nb::object& given) {
       ranges.mass = read;
     else if (is_start)
       ranges.start.push_back({name.substr(start.size()), read});
+    else if (IsFactor(name))
+      ranges.named.push_back({name, read});
     else
       throw Refused{{ErrorCode::kUsage, "randomise",
-                     "'" + name + "' is none of: stiffness, friction, mass, start:COORDINATE"}};
+                     "'" + name +
+                         "' is none of: stiffness, friction, mass, start:COORDINATE, damping, "
+                         "frictionloss, gravity, mass:BODY, friction:BODY, stiffness:NAME, damping:NAME, "
+                         "frictionloss:NAME"}};
   }
   return ranges;
 }
 
 MemberDifferences ReadDifferences(std::size_t count, const nb::object& seeds, const nb::object& stiffness,
-                                  const nb::object& friction, const nb::object& mass) {
+                                  const nb::object& friction, const nb::object& mass,
+                                  const nb::object& factors) {
   MemberDifferences differences;
   differences.seeds = ReadSeeds(seeds, count);
   const std::pair<const nb::object&, const char*> all[3] = {
       {stiffness, "stiffness"}, {friction, "friction"}, {mass, "mass"}};
   for (std::size_t k = 0; k < 3; ++k)
-    if (!all[k].first.is_none()) differences.given[k] = ReadFactors(all[k].first, count, all[k].second);
+    if (!all[k].first.is_none())
+      differences.given[all[k].second] = ReadFactors(all[k].first, count, all[k].second);
+  if (factors.is_none()) return differences;
+  for (const auto& [key, of_members] :
+       ReadAs<std::map<std::string, nb::object>>(factors, "factors", "a mapping from names to factors"))
+    if (!differences.given.emplace(key, ReadFactors(of_members, count, ("factors['" + key + "']").c_str()))
+             .second)
+      throw Refused{{ErrorCode::kUsage, "factors", "'" + key + "' is given as an argument of its own, too"}};
   return differences;
 }
 

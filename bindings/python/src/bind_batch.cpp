@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <set>
 
 #include "arguments.hpp"
 #include "arrays.hpp"
@@ -40,6 +41,7 @@ nb::dict RangesOf(const Randomisation& ranges) {
   all["stiffness"] = pair(ranges.stiffness);
   all["friction"] = pair(ranges.friction);
   all["mass"] = pair(ranges.mass);
+  for (const FactorRange& f : ranges.named) all[f.key.c_str()] = pair(f.range);
   for (const StartRange& s : ranges.start) all[("start:" + s.coordinate).c_str()] = pair(s.range);
   return all;
 }
@@ -235,12 +237,12 @@ nb::object ContactsOf(const Batch& batch) {
 }
 
 void Reset(Batch& batch, const nb::object& mask, const nb::object& seeds, const nb::object& stiffness,
-           const nb::object& friction, const nb::object& mass) {
+           const nb::object& friction, const nb::object& mass, const nb::object& factors) {
   const std::size_t count = Count(batch);
   const std::vector<char> chosen = ReadMask(batch, mask);
   if (!seeds.is_none() && !batch.has_seeds())
     throw Refused{{ErrorCode::kUsage, "reset", "this batch was made without seeds; make it with seeds="}};
-  const MemberDifferences differences = ReadDifferences(count, seeds, stiffness, friction, mass);
+  const MemberDifferences differences = ReadDifferences(count, seeds, stiffness, friction, mass, factors);
   batch.Reset(chosen, differences);
 }
 
@@ -264,6 +266,14 @@ nb::dict Factors(const Batch& batch) {
   all["stiffness"] = column([](const Drawn& d) { return d.factors.stiffness; });
   all["friction"] = column([](const Drawn& d) { return d.factors.friction; });
   all["mass"] = column([](const Drawn& d) { return d.factors.mass; });
+  std::set<std::string> keys;
+  for (const Drawn& d : draws)
+    for (const auto& named : d.factors.named) keys.insert(named.first);
+  for (const std::string& key : keys)
+    all[key.c_str()] = column([&](const Drawn& d) {
+      const auto named = d.factors.named.find(key);
+      return named == d.factors.named.end() ? 1.0 : named->second;
+    });
   Eigen::Index at = 0;
   for (const StartRange& s : batch.ranges().start) {
     all[("start:" + s.coordinate).c_str()] = column([&](const Drawn& d) { return d.start(at); });
@@ -315,12 +325,17 @@ recovery and detail as for `Simulation`.
 stiffness, friction, mass: factors, a number or (count,), that make the members differ: springs and servo gains (dampers
 by the root), sliding coefficients, masses and inertias.
 
+factors: these and more by name, as {name: number or (count,)}: `mass:BODY`, `friction:BODY` (`world`: what stands still),
+`stiffness:NAME`, `damping:NAME` and `frictionloss:NAME` of a joint or tendon, `damping` and `frictionloss` of all, and
+`gravity`. Those of one element multiply with those of all. A contact takes the larger friction of its two shapes, or that
+of the higher priority. `Model.with_factors` gives one model the same.
+
 seeds: draws those factors instead. One whole number, from which each member gets a seed of its own (`seeds`), or (count,)
 of them. What a member draws depends on its seed and on how often it has begun, and on nothing else: not on the other
 members, their number, or threads. A factor that is given as well counts in place of the drawn one until the member begins
 again.
 
-randomise: what seeds draw from, as {name: (smallest, largest)}; default: `usual_ranges`. `stiffness`, `friction`, `mass`,
+randomise: what seeds draw from, as {name: (smallest, largest)}; default: `usual_ranges`. Names of factors, as above,
 of equal likelihood in their logarithm; and where a coordinate starts, relative to where it would: `start:JOINT`, rad or m,
 not where loops are closed, and `start:BODY.x` `.y` `.z` [m] `.rx` `.ry` `.rz` [rad] of free bodies and of bases that move.
 What is not named is not drawn.
@@ -343,9 +358,10 @@ void BindBatch(nb::module_& m) {
           "__init__",
           [](Batch* self, const GivenModel& given_model, const Whole& given_count, const Whole& given_threads,
              const nb::object& seeds, const nb::object& randomise, const nb::object& stiffness,
-             const nb::object& friction, const nb::object& mass, const std::optional<Real>& dt,
-             const std::optional<std::string>& keyframe, const std::string& recovery,
-             const std::string& detail, const std::optional<std::string>& integrator) {
+             const nb::object& friction, const nb::object& mass, const nb::object& factors,
+             const std::optional<Real>& dt, const std::optional<std::string>& keyframe,
+             const std::string& recovery, const std::string& detail,
+             const std::optional<std::string>& integrator) {
             const std::shared_ptr<const Model> model = given_model.Read("model");
             constexpr int kMaxThreads = 1024;  // each takes memory of its own, and no machine has more cores
             const int count = given_count.Within("count", 1);
@@ -354,21 +370,22 @@ void BindBatch(nb::module_& m) {
               throw Refused{{ErrorCode::kUsage, "randomise", "nothing is drawn without seeds; give seeds="}};
             const RunOptions options = ReadRunOptions(dt, keyframe, recovery, detail, integrator);
             auto differences =
-                ReadDifferences(static_cast<std::size_t>(count), seeds, stiffness, friction, mass);
+                ReadDifferences(static_cast<std::size_t>(count), seeds, stiffness, friction, mass, factors);
             if (!seeds.is_none()) differences.ranges = ReadRanges(randomise);
             new (self) Batch(model, count, std::move(differences), options, threads);
           },
           nb::arg("model"), nb::arg("count"), nb::kw_only(), nb::arg("threads") = 0,
           nb::arg("seeds") = nb::none(), nb::arg("randomise") = nb::none(), nb::arg("stiffness") = nb::none(),
-          nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(), nb::arg("dt") = nb::none(),
-          nb::arg("keyframe") = nb::none(), nb::arg("recovery") = "exact", nb::arg("detail") = "interface",
-          nb::arg("integrator") = nb::none(),
+          nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(), nb::arg("factors") = nb::none(),
+          nb::arg("dt") = nb::none(), nb::arg("keyframe") = nb::none(), nb::arg("recovery") = "exact",
+          nb::arg("detail") = "interface", nb::arg("integrator") = nb::none(),
           nb::sig(
               "def __init__(self, model: Model, count: int, *, threads: int = 0, seeds: "
               "numpy.typing.ArrayLike | None = None, randomise: collections.abc.Mapping[str, tuple[float, "
               "float]] | None = None, stiffness: "
               "numpy.typing.ArrayLike | None = None, friction: numpy.typing.ArrayLike | None = None, mass: "
-              "numpy.typing.ArrayLike | None = None, dt: float | None = None, keyframe: str | None = None, "
+              "numpy.typing.ArrayLike | None = None, factors: collections.abc.Mapping[str, numpy.typing.ArrayLike] | "
+              "None = None, dt: float | None = None, keyframe: str | None = None, "
               "recovery: str = 'exact', detail: str = 'interface', integrator: str | None = None) -> None"))
       .def(
           "step", Step, nb::arg("controls") = nb::none(), nb::arg("steps") = 1, nb::kw_only(),
@@ -410,11 +427,12 @@ void BindBatch(nb::module_& m) {
       .def(
           "reset", Reset, nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("seeds") = nb::none(),
           nb::arg("stiffness") = nb::none(), nb::arg("friction") = nb::none(), nb::arg("mass") = nb::none(),
+          nb::arg("factors") = nb::none(),
           "Those whose entry in mask (n,) is true begin again; None: all. A batch with seeds draws again for "
           "them: "
           "what their seed draws next, or, where seeds are given here, a number or (n,), what these draw "
           "first. "
-          "Factors, a number or (n,), replace those of the ones that begin; without seeds, what is not given "
+          "Factors, a number or (n,) each, in `factors` by name, replace those of the ones that begin; without seeds, what is not given "
           "stays. Takes microseconds each, where factors are drawn a millisecond, on threads. Raises ModelError and leaves all as they were where "
           "one "
           "cannot begin.",
@@ -423,11 +441,11 @@ void BindBatch(nb::module_& m) {
               "| "
               "None = None, stiffness: numpy.typing.ArrayLike "
               "| None = None, friction: numpy.typing.ArrayLike | None = None, mass: numpy.typing.ArrayLike | "
-              "None = None) -> None"))
+              "None = None, factors: collections.abc.Mapping[str, numpy.typing.ArrayLike] | None = None) -> None"))
       .def_prop_ro(
           "factors", Factors, kOwn,
-          "Name -> (n,): what makes the members differ now, stiffness, friction and mass, and `start:...` "
-          "[rad or m] where that is drawn.",
+          "Name -> (n,): what makes the members differ now, stiffness, friction and mass, others that were drawn or given, and "
+          "`start:...` [rad or m] where that is drawn.",
           nb::sig("def factors(self) -> dict[str, numpy.typing.NDArray[numpy.float64]]"))
       .def_prop_ro(
           "seeds", [](const Batch& b) { return OwnAll(b.Seeds()); }, kOwn,
@@ -442,6 +460,25 @@ void BindBatch(nb::module_& m) {
       .def_prop_ro("model", &Batch::model)
       .def_prop_ro("threads", &Batch::threads, "At most this many; 0: all cores.")
       .def_prop_ro("controls", &Batch::control_names, "Names of the c set-points.")
+      .def_prop_ro(
+          "bodies", [](const Batch& b) { return b.model()->BodyNames(); },
+          "Names of the k bodies, in the order of `poses`.")
+      .def_prop_ro(
+          "coordinates",
+          [](const Batch& b) {
+            std::vector<std::string> names;
+            b.ForFirst([&](const Simulation& s) { names = s.CoordinateNames(); });
+            return names;
+          },
+          "Names of the q joint coordinates, in the order of `joint_displacements`.")
+      .def_prop_ro(
+          "dt",
+          [](const Batch& b) {
+            double dt = 0;
+            b.ForFirst([&](const Simulation& s) { dt = s.dt(); });
+            return dt;
+          },
+          "s, of a step.")
       .def(
           "poses", [](const Batch& b, const nb::args& names) { return PosesOf(b, Words(names)); },
           "(n, k, 7) of the named bodies, all if none is named: position [m], unit quaternion w x y z with w "

@@ -75,7 +75,7 @@ Comparison CompareModel(const std::shared_ptr<const Model>& model, const std::st
   if (options.against == Against::kMuJoCo && !model->file_options())
     throw Refused{
         {ErrorCode::kUsage, model->origin(),
-         "MuJoCo opens the file of a model: load it from a path, and write stiffnesses into the file"}};
+         "MuJoCo opens the file of a model: load it from a path, and write stiffnesses and factors into the file"}};
   options.time = time;
   options.dt = dt.value_or(0);
   options.refinements = refinements;

@@ -304,6 +304,22 @@ several, ask `mechanisms[i]`, or name a body.)")
           "goes with the root. Or a tendon with a spring, or the servo of a tendon or of several joints, by its name -> its "
           "own stiffness, above 0, with its gain and the bounds of its force. Raises UnknownNameError, UsageError.",
           nb::sig("def with_stiffness(self, stiffness: collections.abc.Mapping[str, float]) -> Model"))
+      .def("_with_factors",
+           [](const ModelPtr& s, const nb::object& factors) {
+             return s->WithFactors(ReadAs<std::map<std::string, double>>(factors, "factors",
+                                                                         "a mapping from names to numbers"));
+           })
+      .def(
+          "with_factors",
+          [](const nb::object& self, const nb::object& factors) {
+            return nb::module_::import_("fork1s._load").attr("with_factors")(self, factors);
+          },
+          nb::arg("factors"),
+          "The same model with parts scaled, as a member of a `Batch` with these factors has them.\n\nfactors: name -> "
+          "factor above 0. `mass`, `friction`, `stiffness`, `damping`, `frictionloss` of all, `gravity`; `mass:BODY`, "
+          "`friction:BODY`, `stiffness:NAME`, `damping:NAME`, `frictionloss:NAME` of one, which multiply with those of "
+          "all (`Batch` explains them). Raises UsageError, with near names.",
+          nb::sig("def with_factors(self, factors: collections.abc.Mapping[str, float]) -> Model"))
       .def(
           "fit_stiffness",
           [](const nb::object& self, const nb::args& given, const nb::kwargs& named) {

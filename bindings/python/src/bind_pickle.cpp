@@ -1,5 +1,6 @@
 // What Model, Simulation, Snapshot and Batch are as plain values of Python: for pickles and copies.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
@@ -7,6 +8,7 @@
 #include <nanobind/stl/vector.h>
 #include "text.hpp"
 
+#include <map>
 #include <tuple>
 
 #include "batch.hpp"
@@ -138,6 +140,14 @@ void BindSnapshotPickle() {
           nb::sig("def __deepcopy__(self, memo: object) -> Snapshot"));
 }
 
+using NamedFactors = std::vector<std::map<std::string, double>>;  // of each member
+
+NamedFactors NamedOf(const std::vector<Drawn>& drawn) {
+  NamedFactors all;
+  for (const Drawn& d : drawn) all.push_back(d.factors.named);
+  return all;
+}
+
 // Factors of stiffness, friction and mass, then starts.
 std::vector<NumberList> ListOf(const std::vector<Drawn>& drawn) {
   std::vector<NumberList> all;
@@ -148,12 +158,14 @@ std::vector<NumberList> ListOf(const std::vector<Drawn>& drawn) {
   return all;
 }
 
-std::vector<Drawn> DrawnOf(const std::vector<NumberList>& all, std::size_t starts, const char* what) {
+std::vector<Drawn> DrawnOf(const std::vector<NumberList>& all, const NamedFactors& named, std::size_t starts,
+                           const char* what) {
   std::vector<Drawn> drawn;
+  if (named.size() != all.size()) RefusePickle(what, "does not have the values that it should");
   for (const NumberList& d : all) {
     if (d.size() != 3 + starts) RefusePickle(what, "does not have the values that it should");
-    drawn.push_back(
-        {{d[0], d[1], d[2]}, Eigen::Map<const VectorX>(d.data() + 3, static_cast<Eigen::Index>(starts))});
+    drawn.push_back({{d[0], d[1], d[2], named[drawn.size()]},
+                     Eigen::Map<const VectorX>(d.data() + 3, static_cast<Eigen::Index>(starts))});
   }
   return drawn;
 }
@@ -165,20 +177,21 @@ void BindBatchSnapshotPickle() {
           "__getstate__",
           [](const BatchSnapshot& s) {
             const std::string bytes = WithoutGil([&] { return WriteBatchBytes({{}, s.simulations}); });
-            return Join(ToBytes(bytes), s.dt, ListOf(s.drawn));
+            return Join(ToBytes(bytes), s.dt, ListOf(s.drawn), NamedOf(s.drawn));
           },
           nb::sig("def __getstate__(self) -> object"))
       .def(
           "__setstate__",
           [](BatchSnapshot& s, const nb::object& state) {
-            const auto [bytes, dt, drawn] = Split<nb::bytes, double, std::vector<NumberList>>(state, kWhat);
+            const auto [bytes, dt, drawn, named] =
+                Split<nb::bytes, double, std::vector<NumberList>, NamedFactors>(state, kWhat);
             const std::string text = ToText(bytes);
             BatchContent content =
                 WithoutGil([&] { return ValueOrThrow(ReadBatchBytes(text, "pickle of BatchSnapshot")); });
             if (content.snapshots.size() != drawn.size())
               RefusePickle(kWhat, "does not have the values that it should");
             const std::size_t starts = drawn.empty() ? 0 : std::max<std::size_t>(3, drawn[0].size()) - 3;
-            new (&s) BatchSnapshot{dt, std::move(content.snapshots), DrawnOf(drawn, starts, kWhat)};
+            new (&s) BatchSnapshot{dt, std::move(content.snapshots), DrawnOf(drawn, named, starts, kWhat)};
           },
           nb::arg("state"), nb::sig("def __setstate__(self, state: object) -> None"))
       // It stays as it is, so a copy is the same.
@@ -192,6 +205,7 @@ void BindBatchSnapshotPickle() {
 
 // A range as (low, high).
 using Pair = std::pair<double, double>;
+// Starts, or factors, by name.
 using Starting = std::vector<std::pair<std::string, Pair>>;
 
 void BindBatchPickle() {
@@ -206,18 +220,20 @@ void BindBatchPickle() {
             const Randomisation& r = content.ranges;
             Starting starts;
             for (const StartRange& s : r.start) starts.emplace_back(s.coordinate, pair(s.range));
+            Starting factors;
+            for (const FactorRange& f : r.named) factors.emplace_back(f.key, pair(f.range));
             return Join(b.model(), ToBytes(bytes), content.threads,
                         std::vector<Pair>{pair(r.stiffness), pair(r.friction), pair(r.mass)}, starts,
-                        content.seeds, content.times, ListOf(content.drawn));
+                        content.seeds, content.times, ListOf(content.drawn), factors, NamedOf(content.drawn));
           },
           nb::sig("def __getstate__(self) -> object"))
       .def(
           "__setstate__",
           [](Batch& b, const nb::object& state) {
             using Seeds = std::vector<std::uint64_t>;
-            const auto [model, bytes, threads, ranges, starts, seeds, times, drawn] =
+            const auto [model, bytes, threads, ranges, starts, seeds, times, drawn, factors, named] =
                 Split<ModelPtr, nb::bytes, int, std::vector<Pair>, Starting, Seeds, Seeds,
-                      std::vector<NumberList>>(state, kWhat);
+                      std::vector<NumberList>, Starting, NamedFactors>(state, kWhat);
             Batch::Content content;
             content.threads = threads;
             content.simulations = ValueOrThrow(ReadBatchBytes(ToText(bytes), "pickle of Batch"));
@@ -228,10 +244,11 @@ void BindBatchPickle() {
                 (!seeds.empty() && seeds.size() != count) || times.size() != seeds.size())
               RefusePickle(kWhat, "does not have the values that it should");
             const auto range = [](const Pair& p) { return DrawRange{p.first, p.second}; };
-            content.ranges = {range(ranges[0]), range(ranges[1]), range(ranges[2]), {}};
+            content.ranges = {range(ranges[0]), range(ranges[1]), range(ranges[2]), {}, {}};
             for (const auto& [coordinate, of] : starts)
               content.ranges.start.push_back({coordinate, range(of)});
-            content.drawn = DrawnOf(drawn, starts.size(), kWhat);
+            for (const auto& [key, of] : factors) content.ranges.named.push_back({key, range(of)});
+            content.drawn = DrawnOf(drawn, named, starts.size(), kWhat);
             new (&b) Batch(model, std::move(content));
           },
           nb::arg("state"), nb::sig("def __setstate__(self, state: object) -> None"));

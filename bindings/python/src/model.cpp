@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/mechanism/set_stiffness.hpp>
+#include <fork1s/sim/scene_factors.hpp>
 
 #include "errors.hpp"
 #include "mechanism/sensor_stiffness.hpp"
@@ -104,6 +105,27 @@ Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& st
 std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, double>& stiffness) const {
   ImportedScene changed = imported_;
   changed.scene = SetStiffnesses(std::move(changed.scene), stiffness, changed.actuators);
+  return Create(std::move(changed), origin_, std::nullopt);
+}
+
+std::shared_ptr<const Model> Model::WithFactors(const std::map<std::string, double>& factors) const {
+  SceneFactors all;
+  for (const auto& [key, factor] : factors) {
+    if (!(std::isfinite(factor) && factor > 0))
+      throw Refused{{ErrorCode::kUsage, "factor '" + key + "'", "must be finite and above 0"}};
+    SetFactor(key, factor, all);
+  }
+  ValueOrThrow(CheckFactors(scene(), all));
+  ImportedScene changed = imported_;
+  // Laws of actuators change as those in sensors do.
+  Scene laws;
+  laws.mechanisms = scene().mechanisms;
+  laws.free_bodies = scene().free_bodies;
+  laws.world = scene().world;
+  laws.contact_pairs = scene().contact_pairs;
+  laws.sensors = std::move(changed.actuators);
+  changed.actuators = Vary(std::move(laws), all).sensors;
+  changed.scene = Vary(std::move(changed.scene), all);
   return Create(std::move(changed), origin_, std::nullopt);
 }
 

@@ -24,6 +24,8 @@ class Model {
 
   /// The same with other stiffnesses: coordinate name -> N·m/rad or N/m. Throws Refused or UnknownName.
   std::shared_ptr<const Model> WithStiffness(const std::map<std::string, double>& stiffness) const;
+  /// The same with parts scaled, by the keys of SetFactor. Throws Refused.
+  std::shared_ptr<const Model> WithFactors(const std::map<std::string, double>& factors) const;
   /// A scene of this model's mechanisms with other stiffnesses, and the laws of its actuators. Throws likewise.
   Scene SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness,
                        std::vector<SensorDef>& actuators) const;

@@ -21,10 +21,17 @@ struct StartRange {
   DrawRange range{0, 0};
 };
 
+/// A factor of SceneFactors::named.
+struct FactorRange {
+  std::string key;
+  DrawRange range;
+};
+
 struct Randomisation {
   // Factors, of equal likelihood in their logarithm: as likely to be halved as to be doubled.
   DrawRange stiffness, friction, mass;
-  std::vector<StartRange> start;  // of equal likelihood
+  std::vector<StartRange> start;        // of equal likelihood
+  std::vector<FactorRange> named = {};  // as stiffness, friction, mass
 };
 
 /// Ranges in which a policy that is trained in simulation should still work: stiffness 0.7 to 1.4, friction
@@ -38,7 +45,7 @@ struct Drawn {
 
 /// The same numbers for the same seed and time, on any machine up to the last digit of exp and log. `time`:
 /// how often this one has begun before. A range more changes no number that others have drawn but those of
-/// start after it. Throws std::invalid_argument for ranges that are not finite or not ordered, factors of 0
+/// start after it; what a named one draws depends on its key, the seed and the time alone. Throws std::invalid_argument for ranges that are not finite or not ordered, factors of 0
 /// or less.
 Drawn Draw(const Randomisation& randomisation, std::uint64_t seed, std::uint64_t time = 0);
 
@@ -52,7 +59,7 @@ class Starts {
   /// mechanism with closed loops or couplings, which would be open.
   static Expected<Starts> Create(Scene scene, const SimulationOptions& options,
                                  std::vector<StartRange> start = {});
-  /// As Simulation::Create of the scene with these factors. May be called on several threads.
+  /// As Simulation::Create of the scene with these factors; kUsage as CheckFactors. May be called on several threads.
   Expected<Simulation> Begin(const Drawn& drawn) const;
   /// Number of coordinates that are drawn.
   Eigen::Index num_coordinates() const { return static_cast<Eigen::Index>(places_.size()); }

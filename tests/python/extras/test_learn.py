@@ -86,6 +86,26 @@ def test_factors_are_drawn_and_felt():
         assert_array_equal(info[name], again[name])
 
 
+def test_factors_by_name_are_drawn_and_given():
+    ranges = {"mass:cube": (0.5, 2)}
+    one = gymnasium.make("fork1s/GraspLift-v0", randomise=ranges)
+    _, info = one.reset(seed=2)
+    assert 0.5 <= info["mass:cube"] <= 2 and info["mass"] == 1
+    _, given = one.reset(seed=2, options={"factors": {"mass:cube": 3}})
+    assert given == {**info, "mass:cube": 3}
+    _, again = one.reset(seed=2)
+    assert again == info
+    many = gymnasium.make_vec("fork1s/GraspLift-v0", num_envs=3, randomise=ranges)
+    _, info = many.reset(seed=2, options={"factors": {"gravity": [1, 2, 3]}})
+    assert len(set(info["mass:cube"])) == 3
+    assert_array_equal(info["gravity"], [1, 2, 3])
+    for env in (one, many):
+        with pytest.raises(fork1s.UsageError, match="options of reset have 'mass:cube'; there are: factors"):
+            env.reset(options={"mass:cube": 2})
+    with pytest.raises(fork1s.UsageError, match="no body with mass 'cub'; near names are 'cube'"):
+        gymnasium.make("fork1s/GraspLift-v0", randomise={"mass:cub": (1, 2)})
+
+
 def test_who_is_done_begins_anew():
     many = gymnasium.make_vec("fork1s/GraspLift-v0", num_envs=2, randomise={"mass": (1, 1)})
     seen, _ = many.reset(seed=3)
