@@ -57,7 +57,7 @@ std::string Introduction() {
          "or\n"
          "published? And do independent computations of the same number agree? Each row has a number by "
          "several\n"
-         "roads: the *reduced* simulator (`Simulation`, what users run), the *full*-coordinate one\n"
+         "methods: the *reduced* simulator (`Simulation`, what users run), the *full*-coordinate one\n"
          "(`FullSimulation`, which shares no reduction, recovery, contact or dynamics code with it), and in "
          "the "
          "second\n"
@@ -78,7 +78,7 @@ int WriteKnownAnswers(std::string& page) {
   Footnotes notes;
   page +=
       "## Known answers\n\n"
-      "The deviation is the larger of the two roads', in the unit of the row; it must stay within the\n"
+      "The deviation is the larger of the two methods', in the unit of the row; it must stay within the\n"
       "tolerance, for the reason numbered behind it. \"Missed\" marks a deviation that does not.\n\n";
   for (const KnownAnswerCase& c : KnownAnswerCases()) {
     std::fprintf(stderr, "%s\n", c.name);
@@ -139,7 +139,7 @@ bool WriteOracle(const std::string& folder, std::string& page) {
       "Statics\n"
       "are poses of the full mechanism at rest under dead loads, compared as a share of the motion. The "
       "reduced\n"
-      "road steps with four modes until it rests, the full one takes a step so long that only springs "
+      "method steps with four modes until it rests, the full one takes a step so long that only springs "
       "count,\n"
       "MuJoCo's forces and constraint residuals are brought to zero by Newton's method.\n\n"
       "| case | quantity | oracle | reduced | full | MuJoCo |\n|---|---|---|---|---|---|\n";
@@ -154,7 +154,7 @@ bool WriteOracle(const std::string& folder, std::string& page) {
       page += fmt::format("| {} | {} | {} | {} | {} | {} |\n", row.case_name, row.quantity, row.oracle,
                           cell(row.reduced), cell(row.full), cell(row.mujoco));
   }
-  page += "\nWhere a road has no number:\n\n" + notes.List();
+  page += "\nWhere a method has no number:\n\n" + notes.List();
   return true;
 }
 

@@ -18,7 +18,7 @@ namespace {
 // compliance, and Newton's 1e-13 m of the pose 1e-8.
 constexpr double kDifference = 1e-7;
 const char* const kWhyDifference =
-    "the full road's central difference over 3e-5 rad and m: 1e-8 from the tolerance on poses";
+    "the full method's central difference over 3e-5 rad and m: 1e-8 from the tolerance on poses";
 
 struct Compliances {
   MatrixX reduced, full;

@@ -22,7 +22,7 @@ using internal::MuJoCoModel;
 using internal::RestLoad;
 using nlohmann::json;
 
-const char* const kNoReduction = "a reduction is nothing that this road computes";
+const char* const kNoReduction = "a reduction is nothing that this method computes";
 const char* const kNoRefusal = "knows no interface bodies, so that no joint is hidden from them";
 
 Vector3 Vec3(const json& v) { return {v[0].get<double>(), v[1].get<double>(), v[2].get<double>()}; }

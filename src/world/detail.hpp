@@ -38,7 +38,7 @@ struct World::Detail {
   void BeginStep(double h);
   StepReport StepByStages(const StepOptions& options);
   // What may be met within a stage (reach.cpp).
-  bool MayHavePassed();
+  bool MayHavePassed(double h);
   void RecordStageStart(bool of_step);
   bool PrepareContactsAtStageStart(const StepOptions& stage, StepReport& report);
   bool CoversMotion();

@@ -2,11 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 namespace fork1s {
 namespace {
 
 StepSubject ContactOf(const ContactPoint& p) { return {StepSubject::Kind::kContact, p.body_a, p.body_b}; }
+// A gap of less than this share of the size of a pair is none: rounding and what the search leaves open.
+constexpr double kRoundingShare = 1e-6;
+
 StepSubject StopOf(const StopApproach& stop) { return {StepSubject::Kind::kStop, stop.mechanism, stop.stop}; }
 
 }  // namespace
@@ -84,12 +88,25 @@ StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts)
   return {};
 }
 
-bool MayHavePassed(const ImpactView& at) {
+bool MayHavePassed(const ImpactView& at, double h) {
   const Detection& d = at.detection;
-  for (std::size_t i = 0; i < d.points.size(); ++i) {
-    const ContactPoint& p = d.points[i];
-    const double motion = d.PairMotion(p.body_a, p.body_b);
-    if (p.gap < motion && !at.CarriedLoad(i) && motion > 0.5 * d.shapes.InnerPairSize(p)) return true;
+  std::size_t end = 0;
+  for (std::size_t begin = 0; begin < d.points.size(); begin = end) {
+    const auto shapes = [&](std::size_t i) {
+      const ContactPoint& p = d.points[i];
+      return std::tie(p.body_a, p.body_b, p.geometry_a, p.geometry_b);
+    };
+    bool bore = false;
+    for (end = begin; end < d.points.size() && shapes(end) == shapes(begin); ++end)
+      bore = bore || at.CarriedLoad(end);
+    const double motion = d.PairMotion(d.points[begin].body_a, d.points[begin].body_b);
+    for (std::size_t i = begin; i < end; ++i) {
+      const ContactPoint& p = d.points[i];
+      if (p.gap < motion && !at.CarriedLoad(i) && motion > 0.5 * d.shapes.InnerPairSize(p)) return true;
+      if (!bore && p.gap < -kRoundingShare * d.shapes.PairSize(p) &&
+          p.gap + h * RelativeSpeed(at.rows.contacts[i], at.rows.velocities)(0) < 0)
+        return true;
+    }
   }
   return false;
 }

@@ -15,8 +15,8 @@
 namespace fork1s {
 // What the predicted motion may have led past is sought from the start of the stage, as far as everything
 // moved.
-bool World::Detail::MayHavePassed() {
-  if (!fork1s::MayHavePassed(Impacts())) return false;
+bool World::Detail::MayHavePassed(double h) {
+  if (!fork1s::MayHavePassed(Impacts(), h)) return false;
   detection_.WidenToMotion();
   return true;
 }

@@ -160,7 +160,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     ++report.stage_iterations;
     report.max_stage_iterations = std::max(report.max_stage_iterations, iteration);
     if (!stage_.rows_from_start && !PrepareContacts(stage, report)) break;
-    if ((stage_.rows_from_start || (iteration == 1 && MayHavePassed())) &&
+    if ((stage_.rows_from_start || (iteration == 1 && MayHavePassed(stage.h))) &&
         !PrepareContactsAtStageStart(stage, report))
       break;
     {

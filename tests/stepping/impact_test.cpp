@@ -147,8 +147,24 @@ TEST(Impact, MotionByMoreThanHalfOfTheInnerRadiiMayHavePassedTheOther) {
   OneContact c;
   for (const double motion : {1.49, 1.51}) {  // of 3 m
     c.detection.motion.in_world[1] = motion;
-    EXPECT_EQ(MayHavePassed(c.At()), motion > 1.5) << motion;
+    EXPECT_EQ(MayHavePassed(c.At(), c.h), motion > 1.5) << motion;
   }
+}
+
+// The predicted pose shows another face than the one that was met, if along its normal the pair overlaps at the base
+// point already.
+TEST(Impact, WhatOverlappedAlongTheNormalCameThroughAnotherFace) {
+  for (const double share : {0.9e-6, 1.1e-6}) {
+    OneContact c;
+    c.detection.points[0].gap = -share * c.detection.shapes.PairSize(c.detection.points[0]);
+    EXPECT_EQ(MayHavePassed(c.At(), c.h), share > 1e-6) << share;
+    c.Bear(0);
+    EXPECT_FALSE(MayHavePassed(c.At(), c.h));
+  }
+  OneContact c;
+  c.detection.points[0].gap = -1e-3;
+  c.rows.velocities(5) = 0.11;  // it parts within the stage
+  EXPECT_FALSE(MayHavePassed(c.At(), c.h));
 }
 
 }  // namespace
