@@ -68,13 +68,15 @@ std::optional<Error> PlaceBase(Conversion& c, const RigidTransform& X_WB) {
                      names.size(), Quoted(names)));
 }
 
-bool OutsideLimits(const FreedomDef& freedom, double displacement) {
+// `limited`: of a freedom or a length.
+bool Outside(const auto& limited, double at) {
   constexpr double kRounding = 1e-9;  // rad or m; limits are written with that many digits
-  return displacement < freedom.lower - kRounding || displacement > freedom.upper + kRounding;
+  return at < limited.lower - kRounding || at > limited.upper + kRounding;
 }
 
 // `by` says who asks for it.
-Expected<Asked> FindAsked(Conversion& c, const std::string& by, const std::string& name, double value) {
+Expected<Asked> FindAsked(Conversion& c, const std::string& by, const std::string& name, double value,
+                          bool keep) {
   const mjModel& m = c.m;
   const std::string where = fmt::format("{}, {} '{}'", c.file, by, name);
   std::vector<std::string> known;
@@ -104,7 +106,7 @@ Expected<Asked> FindAsked(Conversion& c, const std::string& by, const std::strin
   const double q0 = c.Reference(dof);
   const FreedomDef& freedom = c.FreedomOf(dof);
   Asked asked{{name, c.Freedom(dof), value - q0}, c.MechanismOf(dof)};
-  if (OutsideLimits(freedom, asked.displacement)) {
+  if (!keep && Outside(freedom, asked.displacement)) {
     asked.displacement = std::clamp(asked.displacement, freedom.lower, freedom.upper);
     c.Note(ImportNote::Kind::kChosen, fmt::format("{} '{}'", by, name),
            fmt::format(
@@ -146,7 +148,7 @@ std::vector<Asked> NearestInside(const Conversion& c, int mechanism, const Vecto
       const FreedomDef& freedom = joint.freedoms[i];
       const FreedomRef ref{JointIndex(j), i};
       const double at = q[CoordinateOf(definition, ref)];
-      if (OutsideLimits(freedom, at))
+      if (Outside(freedom, at))
         nearest.push_back({{joint.name, ref, std::clamp(at, freedom.lower, freedom.upper)}, mechanism});
     }
   }
@@ -197,11 +199,6 @@ double LengthOf(const MechanismDef& definition, const LengthLimitDef& limit, con
   return length;
 }
 
-bool Outside(const LengthLimitDef& limit, double length) {
-  constexpr double kRounding = 1e-9;  // rad or m; limits are written with that many digits
-  return length < limit.lower - kRounding || length > limit.upper + kRounding;
-}
-
 // The least displacements of joints within their limits that bring a sum of coordinates inside its own; those of `fixed`
 // stay. Less than that where the limits of joints do not allow it.
 std::vector<Asked> NearestInside(const MechanismDef& definition, int mechanism, const LengthLimitDef& limit,
@@ -239,13 +236,20 @@ std::vector<Asked> NearestInside(const MechanismDef& definition, int mechanism, 
 void MoveTendonsInside(Conversion& c, int mechanism, const std::vector<Asked>& asked, bool keep, VectorX& q) {
   const MechanismDef& definition = c.scene.mechanisms[mechanism];
   std::vector<std::string> moved, outside;
+  const auto passed = [&](const LengthLimitDef& limit, const VectorX& at) {
+    return limit.along.path < 0 && Outside(limit, LengthOf(definition, limit, at));
+  };
   for (const LengthLimitDef& limit : definition.length_limits) {
-    if (limit.along.path >= 0 || !Outside(limit, LengthOf(definition, limit, q))) continue;
+    if (!passed(limit, q)) continue;
     std::vector<Asked> wanted = NearestInside(definition, mechanism, limit, asked, q);
     wanted.insert(wanted.end(), asked.begin(), asked.end());
     VectorX inside = q;
+    const auto passes_another = [&] {
+      return std::any_of(definition.length_limits.begin(), definition.length_limits.end(),
+                         [&](const LengthLimitDef& l) { return passed(l, inside) && !passed(l, q); });
+    };
     if (keep || MoveTo(c, mechanism, wanted, inside) || !NearestInside(c, mechanism, inside).empty() ||
-        Outside(limit, LengthOf(definition, limit, inside))) {
+        passed(limit, inside) || passes_another()) {
       outside.push_back(limit.name);
       continue;
     }
@@ -264,13 +268,13 @@ std::optional<Error> SetCoordinates(Conversion& c, const ImportOptions& options,
   const AskedByMechanism leaders = LeadersOf(c, mimics);
   AskedByMechanism asked(c.scene.mechanisms.size());
   for (const auto& [name, value] : options.joint_coordinates) {
-    auto one = FindAsked(c, "option q", name, value);
+    auto one = FindAsked(c, "option q", name, value, options.keep_start);
     if (!one) return one.error();
     asked[one->mechanism].push_back(std::move(*one));
   }
   for (const auto& [name, value] : c.start) {
     if (options.joint_coordinates.contains(name)) continue;
-    auto one = FindAsked(c, "initial_value of joint", name, value);
+    auto one = FindAsked(c, "initial_value of joint", name, value, options.keep_start);
     if (!one) return one.error();
     asked[one->mechanism].push_back(std::move(*one));
   }

@@ -129,22 +129,22 @@ Touching ChooseTouching(const MechanismDef& mechanism, std::size_t num_outermost
 bool ExcludeInnerPairs(Conversion& c, const MechanismDef& mechanism,
                        const std::vector<std::string>& outermost) {
   const std::vector<std::size_t> group = RigidGroups(mechanism);
-  std::vector<bool> is_outer(group.size(), false);  // per body that names its group
+  // Per body that stands for its rigid group.
+  std::vector<bool> is_outer(group.size(), false), is_said_to(group.size(), false);
   is_outer[0] = true;
   for (const std::string& name : outermost) is_outer[group[mechanism.FindBody(name).u()]] = true;
+  for (std::size_t b = 0; b < group.size(); ++b)
+    if (c.self_colliding.count(mechanism.bodies[b].name) > 0) is_said_to[group[b]] = true;
   std::vector<std::string> bodies = mechanism.interfaces;
   if (mechanism.bodies[0].name != "world") bodies.push_back(mechanism.bodies[0].name);
-  bool any = false;
+  std::vector<std::size_t> of;
+  for (const std::string& name : bodies) of.push_back(group[mechanism.FindBody(name).u()]);
+  const std::size_t before = c.scene.excluded_pairs.size();
   for (std::size_t a = 0; a < bodies.size(); ++a)
-    for (std::size_t b = a + 1; b < bodies.size(); ++b) {
-      const auto both = [&](const auto& is) { return is(bodies[a]) && is(bodies[b]); };
-      const bool touch =
-          both([&](const std::string& name) { return is_outer[group[mechanism.FindBody(name).u()]]; }) ||
-          both([&](const std::string& name) { return c.self_colliding.count(name) > 0; });
-      if (!touch) c.scene.excluded_pairs.emplace_back(bodies[a], bodies[b]);
-      any = any || !touch;
-    }
-  return any;
+    for (std::size_t b = a + 1; b < bodies.size(); ++b)
+      if (!(is_outer[of[a]] && is_outer[of[b]]) && !(is_said_to[of[a]] && is_said_to[of[b]]))
+        c.scene.excluded_pairs.emplace_back(bodies[a], bodies[b]);
+  return c.scene.excluded_pairs.size() > before;
 }
 
 // Words of the caller are at fault where these are no names; words of the file where its own are not.

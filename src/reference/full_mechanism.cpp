@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mechanism/limits_at_start.hpp"
+
 namespace fork1s::internal {
 
 Expected<FullMechanism> FullMechanism::Create(std::shared_ptr<const Mechanism> mechanism, const VectorX& q0,
@@ -39,16 +41,8 @@ Expected<FullMechanism> FullMechanism::Create(std::shared_ptr<const Mechanism> m
   m.controls.resize(static_cast<Eigen::Index>(def.controls().size()));
   for (std::size_t i = 0; i < def.controls().size(); ++i)
     m.controls(static_cast<Eigen::Index>(i)) = def.controls()[i].initial;
-  // ContactSet brings such a length inside at the speed at which it parts bodies that overlap.
-  for (const Mechanism::LengthLimit& limit : def.length_limits()) {
-    const double length = m.Length(limit.length, m.q_);
-    const double outside = std::max(limit.lower - length, length - limit.upper);
-    const bool turns =
-        limit.length.path < 0 && !limit.length.terms.empty() && def.Turns(limit.length.terms[0].first);
-    if (outside > 1e-3)
-      m.warnings_.push_back(limit.WhatAndName() + " starts outside its limits by " + std::to_string(outside) +
-                            (turns ? " rad" : " m") + "; it is brought inside at a bounded speed");
-  }
+  // ContactSet brings such a length inside.
+  m.warnings_ = DescribeStopsPassedAtStart(def, m.q_);
   m.StartMotion(q_dot0, V_R);
   return m;
 }

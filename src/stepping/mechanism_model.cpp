@@ -1,6 +1,7 @@
 // A mechanism about a reference: all that stays until the next refresh.
 #include <algorithm>
 
+#include "mechanism/limits_at_start.hpp"
 #include "mechanism_detail.hpp"
 #include "reduction/invariant_joints.hpp"
 #include "reduction/whole_groups.hpp"
@@ -26,24 +27,6 @@ std::vector<ContactGroup> MakeGroups(const ReducedModel& model) {
   add(BodyIndex(0));
   for (BodyIndex b : model.interfaces) add(b);
   return groups;
-}
-
-// World brings such a length inside at the speed at which it parts bodies that overlap.
-void WarnOfStartsOutsideLimits(MechanismModel& model) {
-  const Mechanism& mechanism = model.mechanism();
-  const VectorX& q = model.reduced->q_ref;
-  Kinematics start(mechanism);
-  ComputeKinematics(mechanism, q, start);
-  for (const Mechanism::LengthLimit& limit : mechanism.length_limits()) {
-    const double length = LengthOf(mechanism, limit.length, start, q);
-    const double outside = std::max(limit.lower - length, length - limit.upper);
-    if (outside <= 1e-3) continue;
-    const bool turns =
-        limit.length.path < 0 && !limit.length.terms.empty() && mechanism.Turns(limit.length.terms[0].first);
-    model.warnings.push_back(limit.WhatAndName() + " starts outside its limits by " +
-                             std::to_string(outside) + (turns ? " rad" : " m") +
-                             "; it is brought inside at a bounded speed");
-  }
 }
 
 // What hangs on the reference, from all that does not.
@@ -74,7 +57,8 @@ MechanismModel::MechanismModel(std::shared_ptr<const ReducedModel> about, const 
   // The interfaces that Reduce settled on are those of every later refresh.
   options.reduction.interfaces = reduced->interfaces;
   options.reduction.promote_hidden = false;
-  WarnOfStartsOutsideLimits(*this);
+  for (std::string& text : internal::DescribeStopsPassedAtStart(mechanism(), reduced->q_ref))
+    warnings.push_back(std::move(text));
   if (options.recovery == Recovery::kExpanded) {
     const std::string what = WhatForbidsExpansion(mechanism());
     expands = what.empty() && reduced->size() > 0;

@@ -7,10 +7,10 @@
 namespace fork1s {
 namespace {
 
-StepSubject ContactOf(const ContactPoint& p) { return {StepSubject::Kind::kContact, p.body_a, p.body_b}; }
-// A gap of less than this share of the size of a pair is none: rounding and what the search leaves open.
+// An overlap of less than this share of the size of a pair is rounding, or what the search for contacts leaves open.
 constexpr double kRoundingShare = 1e-6;
 
+StepSubject ContactOf(const ContactPoint& p) { return {StepSubject::Kind::kContact, p.body_a, p.body_b}; }
 StepSubject StopOf(const StopApproach& stop) { return {StepSubject::Kind::kStop, stop.mechanism, stop.stop}; }
 
 }  // namespace
@@ -96,14 +96,14 @@ bool MayHavePassed(const ImpactView& at, double h) {
       const ContactPoint& p = d.points[i];
       return std::tie(p.body_a, p.body_b, p.geometry_a, p.geometry_b);
     };
-    bool bore = false;
+    bool carried_load = false;
     for (end = begin; end < d.points.size() && shapes(end) == shapes(begin); ++end)
-      bore = bore || at.CarriedLoad(end);
+      carried_load = carried_load || at.CarriedLoad(end);
     const double motion = d.PairMotion(d.points[begin].body_a, d.points[begin].body_b);
     for (std::size_t i = begin; i < end; ++i) {
       const ContactPoint& p = d.points[i];
       if (p.gap < motion && !at.CarriedLoad(i) && motion > 0.5 * d.shapes.InnerPairSize(p)) return true;
-      if (!bore && p.gap < -kRoundingShare * d.shapes.PairSize(p) &&
+      if (!carried_load && p.gap < -kRoundingShare * d.shapes.PairSize(p) &&
           p.gap + h * RelativeSpeed(at.rows.contacts[i], at.rows.velocities)(0) < 0)
         return true;
     }

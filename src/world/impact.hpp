@@ -56,7 +56,7 @@ StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts)
 /// Whether the predicted motion to the pose of detection, which the margin covers, may have led past
 /// something: by more than half of the sum of two inner radii. Beyond that sum the least way out of a pair is
 /// on the far side; half of it leaves room for edges. Or in through another face than the one that the predicted pose,
-/// a stage of length h on, shows: along its normal two shapes that bore nothing overlap at the base point already.
+/// a stage of length h on, shows: along its normal two shapes that carried no load overlap at the base point already.
 bool MayHavePassed(const ImpactView& at, double h);
 
 }  // namespace fork1s

@@ -11,9 +11,9 @@ namespace {
 // The matrix of a stage is renewed where this many more iterations would not solve it: they cost as much as a
 // new matrix.
 constexpr int kIterationsOfMatrix = 3;
-// What moves by less than these shares of the stage's motion and of a mechanism's length does not matter: of a
-// residual, which contacts of curved shapes and meshes leave since their normals jump between poses, what in ten
-// thousand steps adds up to 1e-4 of the length at most; of a force that no stage has solved for, a tenth of that.
+// Shares of the stage's motion and of a mechanism's length below which something does not matter. Residuals of that
+// size add up to at most 1e-4 of the length in ten thousand steps; contacts of curved shapes and meshes leave them,
+// since their normals jump between poses. A change of saturation, which no stage solves for, may move a tenth of that.
 constexpr double kRelativeTolerance = 1e-6, kResidualTolerance = 1e-8, kSaturationTolerance = 1e-9;
 // A stage is solved where another iteration would change poses by less than the tolerance, a share of the motion,
 // and than ten times that share of what the velocity has changed by in the step. What is left adds up to at most

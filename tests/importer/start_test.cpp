@@ -339,6 +339,30 @@ TEST(ImportStart, FixedTendonsStartInsideTheirLimits) {
   EXPECT_EQ(MustLoad(TwoHinges("-1 1")).initial_keyframe, -1);
 }
 
+// One more tendon on the same joints: what would take it out of its limits is left to the simulation.
+TEST(ImportStart, FixedTendonsTakeNoOtherOutOfItsLimits) {
+  std::string text = TwoHinges(".2 1");
+  const auto add = [&](const std::string& range) {
+    std::string more = text;
+    more.insert(more.find("</tendon>"), "<fixed name='other' limited='true' range='" + range +
+                                            "'><joint joint='a' coef='1'/></fixed>");
+    return MustLoad(more);
+  };
+  const char* const brought = "tendon 'sum': starts outside its limits: it is brought inside";
+  EXPECT_FALSE(HasNote(add("-1 .05").report, Kind::kChanged, brought));
+  const ImportedScene loaded = add("-1 .03");  // a would start at 0.04
+  EXPECT_TRUE(HasNote(loaded.report, Kind::kChanged, brought));
+  EXPECT_EQ(loaded.initial_keyframe, -1);
+}
+
+TEST(ImportStart, WhatIsAskedForIsKeptOutsideLimitsByOption) {
+  ImportOptions options;
+  options.joint_coordinates = {{"b", 0.4}};
+  EXPECT_NEAR(StartOf(MustLoad(TwoHinges("-1 1"), options)).mechanisms[0].q[1], 0.1, kRounding);
+  options.keep_start = true;
+  EXPECT_NEAR(StartOf(MustLoad(TwoHinges("-1 1"), options)).mechanisms[0].q[1], 0.4, kRounding);
+}
+
 TEST(ImportStart, FixedTendonsThatNoJointBringsInsideAreNamed) {
   const char* const brought = "tendon 'sum': starts outside its limits: it is brought inside";
   ImportOptions options;

@@ -178,6 +178,13 @@ TEST(UrdfExtensions, SelfCollide_LetsInnerLinksTouchTheirRobot) {
       robot(Gazebo("a", "<selfCollide>1</selfCollide>") + Gazebo("c", "<selfCollide>1</selfCollide>"));
   EXPECT_FALSE(has(two, "a", "c"));
   EXPECT_TRUE(has(two, "b", "base"));
+  // A link stands for what is fixed to it.
+  const ImportedScene welded =
+      robot(Link("pad", ball) + Joint("w", "fixed", "a", "pad") +
+            Gazebo("a", "<selfCollide>1</selfCollide>") + Gazebo("c", "<selfCollide>1</selfCollide>"));
+  EXPECT_EQ(welded.scene.mechanisms[0].interfaces, (std::vector<std::string>{"b", "c", "pad"}));
+  EXPECT_FALSE(has(welded, "c", "pad"));
+  EXPECT_TRUE(has(welded, "b", "pad"));
   ImportOptions options;
   options.interfaces = {"a", "c"};
   EXPECT_FALSE(

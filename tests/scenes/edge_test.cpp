@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <stdexcept>
 
 namespace fork1s {
 namespace {
@@ -21,11 +22,11 @@ double Lands(double height, double overlap, double dt) {
       "<geom type='box' size='.005 .005 .005' mass='.05'/></body></body></worldbody></mujoco>",
       0.015 - overlap, height + 0.005);
   auto imported = LoadMechanismFromString(text, "edge", {});
-  EXPECT_TRUE(imported) << imported.error().Text();
+  if (!imported) throw std::runtime_error(imported.error().Text());
   SimulationOptions options;
   options.step.h = dt;
   auto simulation = Simulation::Create(imported->scene, options);
-  EXPECT_TRUE(simulation) << simulation.error().Text();
+  if (!simulation) throw std::runtime_error(simulation.error().Text());
   const double end = std::sqrt(2 * height / 9.81) + 0.5;
   while (simulation->time() < end) {
     const StepReport report = simulation->Step();
