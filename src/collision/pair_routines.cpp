@@ -245,14 +245,25 @@ int MeshOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, 
   return FaceOnPlane(m, d, contacts, plane, mesh, margin, patch);
 }
 
-// MuJoCo's nearest point is exact. Of a flat end it names two more, turned as the nearest one is, which rolls about
-// the rim of a cylinder that stands.
+// The nearest point of the lower rim in closed form. MuJoCo takes the direction to it from what is left of two vectors:
+// of a cylinder that stands level that is rounding, and the point may be off by the radius along the normal. Of a flat
+// end it names two more, turned as the nearest one is, which rolls about the rim.
 int CylinderOnPlane(const mjModel* m, mjData* d, mjPreContact* contacts, int plane, int cylinder,
                     mjtNum margin) {
-  const int found = mujoco_plane_cylinder(m, d, contacts, plane, cylinder, margin);
-  if (found == 0 || m->opt.disableflags & mjDSBL_MULTICCD) return found;
-  ContactPatch patch(Posed(m, d, plane).R.col(2));
-  patch.SetDeepest(Eigen::Map<const Vector3>(contacts[0].pos), contacts[0].dist);
+  if (m->opt.disableflags & mjDSBL_MULTICCD)
+    return mujoco_plane_cylinder(m, d, contacts, plane, cylinder, margin);
+  const Posed ground(m, d, plane), posed(m, d, cylinder);
+  const double radius = posed.size[0], half = posed.size[1];
+  const Vector3 n = ground.R.col(2), axis = posed.R.col(2);
+  const Vector3 across = n.cross(axis);  // as long as the sine of the tilt
+  const Vector3 end = posed.p - std::copysign(half, n.dot(axis)) * axis;
+  const double gap = n.dot(end - ground.p) - radius * across.norm();
+  if (!(gap < margin)) return 0;
+  // Level but for rounding, any point of the rim is the nearest.
+  const Vector3 along = across.norm() > 1e-12 ? axis.cross(across).normalized() : Vector3(posed.R.col(0));
+  ContactPatch patch(n);
+  const double lower = n.dot(along) > 0 ? -radius : radius;
+  patch.SetDeepest(end + lower * along - 0.5 * gap * n, gap);
   return FaceOnPlane(m, d, contacts, plane, cylinder, margin, patch);
 }
 

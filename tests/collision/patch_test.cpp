@@ -154,6 +154,36 @@ TEST(Patch, LinesRestOnTwoPoints) {
             1u);
 }
 
+// A cylinder that stands on a plane, on either end, turned about its axis and tilted by down to nothing: what is nearest
+// is the rim, |sin tilt| of the radius below the middle of the end.
+TEST(Patch, CylindersStandOnPlanesHoweverLevel) {
+  const double radius = 0.04, half = 0.01, depth = 1e-4;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> turn(-3.1, 3.1);
+  for (const double tilt : {0.0, 1e-17, 1e-16, 1e-15, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4})
+    for (const bool upside_down : {false, true})
+      for (int trial = 0; trial < 60; ++trial) {
+        const double direction = turn(random);
+        const Matrix3 R =
+            ExpRotation(tilt * Vector3(std::cos(direction), std::sin(direction), 0)) *
+            ExpRotation(upside_down ? Vector3(3.14159265358979323846, 0, 0) : Vector3(0, 0, 0)) *
+            ExpRotation(Vector3(0, 0, turn(random)));
+        const auto contacts =
+            Contacts({Still(Plane{}, At(0, 0, 0)),
+                      Moving(Cylinder{radius, half}, RigidTransform(R, Vector3(0.3, -0.2, half - depth)))},
+                     {}, {.margin = 1e-3});
+        ASSERT_EQ(contacts.size(), 8u) << tilt << " " << trial;
+        double deepest = 0;
+        for (const ContactPoint& c : contacts) {
+          deepest = std::min(deepest, c.gap);
+          EXPECT_NEAR((c.point - Vector3(0.3, -0.2, 0)).head<2>().norm(), radius, 1e-9 + 1.1 * half * tilt);
+        }
+        // Where the tilt is not told from rounding, one of eight points of the rim is within 22.5 degrees.
+        EXPECT_NEAR(deepest, -depth - radius * std::sin(tilt), 1e-12 + 0.08 * radius * tilt)
+            << tilt << " " << trial;
+      }
+}
+
 // The distance of two surfaces where a plane across the first, at `station` along its axis z, cuts them: of a round side of
 // radius r about z and another about the line p + t v, or an edge, radius 0.
 double DistanceAt(double station, double r, const Vector3& p, const Vector3& v, double radius) {
