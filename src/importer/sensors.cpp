@@ -276,11 +276,13 @@ SensorDef PotentialEnergySensor(Conversion& c, SensorDef s) {
     return linear[i] != 0 ||
            std::any_of(higher + mjNPOLY * i, higher + mjNPOLY * (i + 1), [](mjtNum k) { return k != 0; });
   };
-  const auto add = [&](const Length& length, double rest, double slack, double k, const mjtNum* higher) {
+  const auto add = [&](const std::string& name, const Length& length, double rest, double slack, double k,
+                       const mjtNum* higher) {
     SensorDef of;
     if (!PutLengthOf(c, length, {}, of)) return false;
     if (of.mechanism < 0) return true;  // it does not move
     SpringDef spring;
+    spring.name = name;  // as that of the mechanism
     spring.terms = of.terms;
     spring.along = of.along;
     spring.rest = rest;
@@ -301,7 +303,7 @@ SensorDef PotentialEnergySensor(Conversion& c, SensorDef s) {
       Length length;
       length.terms = {{dof + k, 1.0}};
       // Ball and free joints are sprung towards the reference, and have the linear part alone.
-      if (!add(length, is_ball ? 0 : m.qpos_spring[at] - m.qpos0[at], 0, m.jnt_stiffness[j],
+      if (!add(c.joint_names[j], length, is_ball ? 0 : m.qpos_spring[at] - m.qpos0[at], 0, m.jnt_stiffness[j],
                is_ball ? kLinear : m.jnt_stiffnesspoly + mjNPOLY * j))
         return Unknown(std::move(s), kNotOfOneMechanism);
     }
@@ -310,8 +312,8 @@ SensorDef PotentialEnergySensor(Conversion& c, SensorDef s) {
     if (!has_spring(m.tendon_stiffness, m.tendon_stiffnesspoly, t)) continue;
     const Length length = TendonLength(m, c.d, t);
     const mjtNum* range = m.tendon_lengthspring + 2 * t;
-    if (!add(length, range[0] - length.at_reference, range[1] - range[0], m.tendon_stiffness[t],
-             m.tendon_stiffnesspoly + mjNPOLY * t))
+    if (!add(NameOr(m, m.name_tendonadr[t], "tendon", t), length, range[0] - length.at_reference,
+             range[1] - range[0], m.tendon_stiffness[t], m.tendon_stiffnesspoly + mjNPOLY * t))
       return Unknown(std::move(s), kNotOfOneMechanism);
   }
   return s;

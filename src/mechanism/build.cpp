@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "check_definition.hpp"
+#include "freedoms.hpp"
 #include "linalg/products.hpp"
 #include "linalg/rank.hpp"
 #include "linalg/spectrum.hpp"
@@ -145,7 +146,7 @@ std::vector<std::pair<int, int>> Mechanism::FilteredContacts() const {
 
 std::string Mechanism::CoordinateName(int i) const {
   const Joint& j = joint(CoordinateJoint(i));
-  return j.size == 1 ? j.name : fmt::format("{} (freedom {})", j.name, i - j.offset + 1);
+  return internal::CoordinateName(j.name, j.size, i - j.offset);
 }
 
 Expected<Mechanism> BuildMechanism(MechanismDef definition) {

@@ -1,7 +1,11 @@
 #include <fork1s/mechanism/mechanism.hpp>
 #include <fork1s/mechanism/set_stiffness.hpp>
 
+#include <algorithm>
 #include <cmath>
+
+#include "freedoms.hpp"
+#include "sensor_stiffness.hpp"
 
 namespace fork1s {
 
@@ -40,19 +44,15 @@ MechanismDef SetStiffness(MechanismDef definition, FreedomRef freedom, double st
   FreedomDef& own = definition.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)];
   const double factor = own.stiffness > 0 ? stiffness / own.stiffness : 1;
   const double root = std::sqrt(factor);
-  const auto pulls_it_alone = [&](const auto& d) {
-    return d.along.path < 0 && d.terms.size() == 1 && d.terms[0].first.joint == freedom.joint &&
-           d.terms[0].first.freedom == freedom.freedom;
-  };
   own.stiffness = stiffness;
   own.damping *= root;
   for (ForceLimitDef& limit : definition.force_limits)
-    if (pulls_it_alone(limit)) {
+    if (internal::IsAlong(freedom, limit)) {
       limit.stiffness *= factor;
       limit.damping *= root;
     }
   for (ControlDef& control : definition.controls)
-    if (control.is_setpoint && pulls_it_alone(control)) control.gain *= factor;
+    if (control.is_setpoint && internal::IsAlong(freedom, control)) control.gain *= factor;
   return definition;
 }
 
@@ -61,22 +61,31 @@ MechanismDef SetStiffness(MechanismDef definition, const std::string& spring, do
                  "; give more than 0");
   const double before = StiffnessOf(definition, spring);
   FORK1S_REQUIRE(before > 0, "no spring", spring, "has a stiffness");
-  const double factor = stiffness / before, root = std::sqrt(factor);
+  internal::ScaleSprings(spring, {}, stiffness / before, definition);
+  return definition;
+}
+
+void internal::ScaleSprings(const std::string& name, const std::vector<FreedomRef>& freedoms, double factor,
+                            MechanismDef& definition) {
+  const double root = std::sqrt(factor);
+  const auto is_along_one = [&](const auto& length) {
+    return std::any_of(freedoms.begin(), freedoms.end(),
+                       [&](FreedomRef freedom) { return IsAlong(freedom, length); });
+  };
   for (SpringDef& s : definition.springs) {
-    if (s.name != spring) continue;
+    if (s.name != name || !(HasStiffness(s) || is_along_one(s))) continue;
     s.stiffness *= factor;
     s.damping *= root;
     for (double& higher : s.higher_stiffness) higher *= factor;
     for (double& higher : s.higher_damping) higher *= root;
   }
   for (ForceLimitDef& limit : definition.force_limits) {
-    if (limit.name != spring) continue;
+    if (limit.name != name || is_along_one(limit)) continue;
     limit.stiffness *= factor;
     limit.damping *= root;
   }
   for (ControlDef& control : definition.controls)
-    if (control.name == spring && control.is_setpoint) control.gain *= factor;
-  return definition;
+    if (control.name == name && control.is_setpoint && !is_along_one(control)) control.gain *= factor;
 }
 
 double StiffnessOf(const MechanismDef& definition, const std::string& spring) {

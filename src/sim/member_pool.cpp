@@ -14,8 +14,9 @@ bool HasStepModels(const Simulation::Snapshot& moment) {
 }  // namespace
 
 MemberPool::FactorsKey MemberPool::KeyOf(const SceneFactors& factors) {
-  const auto& [stiffness, friction, mass, named] = factors;
-  return {{stiffness, friction, mass}, named};
+  FactorsKey key{{factors.stiffness, factors.friction, factors.mass}, factors.named};
+  std::erase_if(key.second, [](const auto& named) { return named.second == 1; });
+  return key;
 }
 
 MemberPool::Use::Use(MemberPool& pool, std::size_t index)

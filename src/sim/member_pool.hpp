@@ -58,9 +58,9 @@ class MemberPool {
   bool HasOwnWorld(std::size_t member) const { return members_[member].variant->is_of_one; }
   /// The state of a member.
   const Simulation::Snapshot& Moment(std::size_t member) const { return members_[member].moment; }
-  /// The member goes to a moment of a simulation of the scene with these factors. Of a moment without
-  /// MechanismState::step_model limits in force stay those of the member, or become those that members with these factors
-  /// begin with. Errors: those of Simulation::Restore; the member is as it was.
+  /// The member goes to a moment of a simulation of the scene with these factors. From a moment without
+  /// MechanismState::step_model it steps by the model that it has, or by that of members that begin with these factors.
+  /// Errors: those of Simulation::Restore; the member is as it was.
   Expected<void> Restore(std::size_t member, const Simulation::Snapshot& moment, const SceneFactors& factors);
 
  private:

@@ -7,6 +7,8 @@
 #include <random>
 #include <utility>
 
+#include "sim/vary.hpp"
+
 namespace fork1s {
 namespace {
 
@@ -143,7 +145,7 @@ Expected<Starts> Starts::Create(Scene scene, const SimulationOptions& options,
 Expected<Simulation> Starts::Begin(const Drawn& drawn) const {
   FORK1S_REQUIRE(drawn.start.size() == num_coordinates(), drawn.start.size(), num_coordinates());
   if (auto known = CheckFactors(scene_, drawn.factors); !known) return tl::unexpected(known.error());
-  Scene scene = Vary(scene_, drawn.factors);
+  Scene scene = internal::VaryChecked(scene_, drawn.factors);
   if (places_.empty()) return Simulation::Create(std::move(scene), options_);
   KeyframeDef key = key_;
   for (std::size_t i = 0; i < places_.size(); ++i) {

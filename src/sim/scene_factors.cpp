@@ -7,7 +7,9 @@
 #include <utility>
 
 #include "base/near_names.hpp"
+#include "mechanism/freedoms.hpp"
 #include "mechanism/sensor_stiffness.hpp"
+#include "sim/vary.hpp"
 
 namespace fork1s {
 namespace {
@@ -40,7 +42,7 @@ Key Split(const std::string& key) {
 }
 
 std::string NameOf(const JointDef& joint, int freedom) {
-  return joint.name + (joint.freedoms.size() == 1 ? "" : " (freedom " + std::to_string(freedom + 1) + ")");
+  return internal::CoordinateName(joint.name, static_cast<int>(joint.freedoms.size()), freedom);
 }
 
 // Freedoms of that name, as Mechanism::CoordinateName has it, or all of a joint.
@@ -53,15 +55,6 @@ std::vector<FreedomRef> FreedomsOf(const MechanismDef& def, const std::string& n
   return all;
 }
 
-template <class Length>
-bool IsAlong(FreedomRef freedom, const Length& length) {
-  return length.along.path < 0 && length.terms.size() == 1 && length.terms[0].first.joint == freedom.joint &&
-         length.terms[0].first.freedom == freedom.freedom;
-}
-
-bool HasStiffness(const SpringDef& s) {
-  return s.stiffness > 0 || s.higher_stiffness != std::array<double, 2>{};
-}
 bool HasDamping(const SpringDef& s) { return s.damping > 0 || s.higher_damping != std::array<double, 2>{}; }
 
 // What a quantity can be scaled of.
@@ -106,7 +99,7 @@ Candidates FindCandidates(const std::string& quantity, const Scene& scene) {
         if (joint.freedoms.size() > 1) add(joint.name);
       }
     for (const SpringDef& spring : def.springs)
-      if (of_stiffness ? HasStiffness(spring) : HasDamping(spring)) add(spring.name);
+      if (of_stiffness ? internal::HasStiffness(spring) : HasDamping(spring)) add(spring.name);
   }
   return found;
 }
@@ -131,18 +124,9 @@ Expected<void> CheckKey(const Scene& scene, const std::string& key) {
                   (quantity == "friction" && !scene.world.empty() ? "; what stands still is 'world'" : ""));
 }
 
-// Of dampers and servos whose `is_scaled` (mechanism, definition) is true.
-template <class IsScaled>
-void ScaleDampers(double factor, Scene& scene, const IsScaled& is_scaled) {
-  for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
-    for (SpringDef& spring : scene.mechanisms[i].springs) {
-      if (!is_scaled(i, spring)) continue;
-      spring.damping *= factor;
-      for (double& higher : spring.higher_damping) higher *= factor;
-    }
-    for (ForceLimitDef& limit : scene.mechanisms[i].force_limits)
-      if (is_scaled(i, limit)) limit.damping *= factor;
-  }
+void ScaleDamper(double factor, SpringDef& spring) {
+  spring.damping *= factor;
+  for (double& higher : spring.higher_damping) higher *= factor;
 }
 
 template <class IsScaled>
@@ -152,15 +136,14 @@ void ScaleSensorDampers(double factor, Scene& scene, const IsScaled& is_scaled) 
       if (is_scaled(actuator)) actuator.damping *= factor;
 }
 
+// Of a freedom itself, with the shares of servos in it.
 void ScaleFreedomDamping(std::size_t mechanism, FreedomRef freedom, double factor, Scene& scene) {
-  scene.mechanisms[mechanism]
-      .joints[freedom.joint.u()]
-      .freedoms[static_cast<std::size_t>(freedom.freedom)]
-      .damping *= factor;
-  ScaleDampers(factor, scene,
-               [&](std::size_t at, const auto& d) { return at == mechanism && IsAlong(freedom, d); });
+  MechanismDef& def = scene.mechanisms[mechanism];
+  def.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)].damping *= factor;
+  for (ForceLimitDef& limit : def.force_limits)
+    if (internal::IsAlong(freedom, limit)) limit.damping *= factor;
   ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
-    return actuator.mechanism == static_cast<int>(mechanism) && IsAlong(freedom, actuator);
+    return actuator.mechanism == static_cast<int>(mechanism) && internal::IsAlong(freedom, actuator);
   });
 }
 
@@ -168,49 +151,38 @@ void ScaleStiffnessOf(const std::string& name, double factor, Scene& scene) {
   for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
     MechanismDef& def = scene.mechanisms[i];
     const std::vector<FreedomRef> freedoms = FreedomsOf(def, name);
-    if (freedoms.empty() && StiffnessOf(def, name) > 0) {
-      const double to = StiffnessOf(def, name) * factor;
-      internal::SetSensorStiffness(i, name, to, scene);
-      def = SetStiffness(std::move(def), name, to);
-    }
     for (const FreedomRef freedom : freedoms) {
       const double own =
           def.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)].stiffness;
       if (own > 0) {
         internal::SetSensorStiffness(i, freedom, own * factor, scene);
         def = SetStiffness(std::move(def), freedom, own * factor);
+      } else if (std::any_of(def.springs.begin(), def.springs.end(), [&](const SpringDef& s) {
+                   return s.name == name && internal::IsAlong(freedom, s) && internal::HasStiffness(s);
+                 })) {  // the joint has a spring that is not linear
+        ScaleFreedomDamping(i, freedom, std::sqrt(factor), scene);
       }
-      // A spring of the joint that is not linear.
-      const bool is_held = std::any_of(def.springs.begin(), def.springs.end(), [&](const SpringDef& s) {
-        return s.name == name && IsAlong(freedom, s) && HasStiffness(s);
-      });
-      if (is_held && !(own > 0)) ScaleFreedomDamping(i, freedom, std::sqrt(factor), scene);
-      for (SpringDef& spring : def.springs) {
-        if (spring.name != name || !IsAlong(freedom, spring)) continue;
-        spring.stiffness *= factor;
-        for (double& higher : spring.higher_stiffness) higher *= factor;
-        if (!(own > 0)) continue;
-        spring.damping *= std::sqrt(factor);
-        for (double& higher : spring.higher_damping) higher *= std::sqrt(factor);
-      }
-      for (SensorDef& sensor : scene.sensors)
-        for (SensorSpring& of : sensor.springs) {
-          if (of.mechanism != static_cast<int>(i) || !IsAlong(freedom, of.spring)) continue;
-          if (!(own > 0)) of.spring.stiffness *= factor;
-          for (double& higher : of.spring.higher_stiffness) higher *= factor;
-        }
     }
+    internal::ScaleSensorSprings(i, name, freedoms, factor, scene);
+    internal::ScaleSprings(name, freedoms, factor, def);
   }
 }
 
 void ScaleDampingOf(const std::string& name, double factor, Scene& scene) {
   for (std::size_t i = 0; i < scene.mechanisms.size(); ++i) {
-    const std::vector<FreedomRef> freedoms = FreedomsOf(scene.mechanisms[i], name);
+    MechanismDef& def = scene.mechanisms[i];
+    const std::vector<FreedomRef> freedoms = FreedomsOf(def, name);
+    const auto is_of_tendon = [&](const auto& length) {
+      return std::none_of(freedoms.begin(), freedoms.end(),
+                          [&](FreedomRef freedom) { return internal::IsAlong(freedom, length); });
+    };
     for (const FreedomRef freedom : freedoms) ScaleFreedomDamping(i, freedom, factor, scene);
-    if (!freedoms.empty()) continue;
-    ScaleDampers(factor, scene, [&](std::size_t at, const auto& d) { return at == i && d.name == name; });
+    for (SpringDef& spring : def.springs)
+      if (spring.name == name) ScaleDamper(factor, spring);
+    for (ForceLimitDef& limit : def.force_limits)
+      if (limit.name == name && is_of_tendon(limit)) limit.damping *= factor;
     ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
-      return actuator.mechanism == static_cast<int>(i) &&
+      return actuator.mechanism == static_cast<int>(i) && is_of_tendon(actuator) &&
              std::any_of(actuator.inputs.begin(), actuator.inputs.end(),
                          [&](const auto& input) { return input.first == name; });
     });
@@ -222,8 +194,9 @@ void ScaleDamping(double factor, Scene& scene) {
     for (JointDef& joint : def.joints)
       for (FreedomDef& f : joint.freedoms) f.damping *= factor;
     for (ClosureDef& closure : def.closures) closure.damping *= factor;
+    for (SpringDef& spring : def.springs) ScaleDamper(factor, spring);
+    for (ForceLimitDef& limit : def.force_limits) limit.damping *= factor;
   }
-  ScaleDampers(factor, scene, [](std::size_t, const auto&) { return true; });
   ScaleSensorDampers(factor, scene, [](const SensorActuator&) { return true; });
 }
 
@@ -286,6 +259,12 @@ Expected<void> CheckFactors(const Scene& scene, const SceneFactors& factors) {
 }
 
 Scene Vary(Scene scene, const SceneFactors& factors) {
+  const auto known = CheckFactors(scene, factors);
+  FORK1S_REQUIRE(known.has_value(), known ? "" : known.error().Text());
+  return internal::VaryChecked(std::move(scene), factors);
+}
+
+Scene internal::VaryChecked(Scene scene, const SceneFactors& factors) {
   std::vector<std::pair<std::string, double>> all = {
       {"stiffness", factors.stiffness}, {"friction", factors.friction}, {"mass", factors.mass}};
   all.insert(all.end(), factors.named.begin(), factors.named.end());
@@ -294,8 +273,6 @@ Scene Vary(Scene scene, const SceneFactors& factors) {
     FORK1S_REQUIRE(factor > 0 || !(what.starts_with("mass") || what.starts_with("stiffness:")), what,
                    "by 0; give a factor above 0");
   }
-  const auto known = CheckFactors(scene, factors);
-  FORK1S_REQUIRE(known.has_value(), known ? "" : known.error().Text());
   if (factors.stiffness != 1) {
     for (MechanismDef& def : scene.mechanisms) def = ScaleStiffness(std::move(def), factors.stiffness);
     internal::ScaleSensorLaws(factors.stiffness, scene);

@@ -1,5 +1,6 @@
 """Arguments that cannot be used are refused by name: what was given, what is wanted."""
 
+import copy
 import os
 import pickle
 import warnings
@@ -237,7 +238,18 @@ def test_joint_displacements_go_by_name_and_by_place(gripper):
         copied = values.copy()
         copied[:] = 0
         assert copied["left_crank"] == 0 != values["left_crank"]
-        assert pickle.loads(pickle.dumps(values)).tolist() == values.tolist()
+        for same in (pickle.loads(pickle.dumps(values)), copy.copy(values), copy.deepcopy(values)):
+            assert [same[name] for name in sim.coordinates] == values.tolist()
+        # Names do not stay where the places change.
+        for moved in (
+            np.sort(values),
+            np.partition(values, 1),
+            np.roll(values, 1),
+            values.take(range(len(values))[::-1]),
+            values[::-1],
+        ):
+            with pytest.raises((IndexError, fork1s.UnknownNameError)):
+                moved["left_crank"]
 
 
 def test_long_steps_warn(gripper):

@@ -74,7 +74,7 @@ CRATE = """<mujoco><option gravity="0 0 {gravity}"/><worldbody>
     <geom size=".05" pos=".2 0 0" mass="{weight}" contype="0" conaffinity="0"/></body></worldbody>
   <tendon><spatial name="rope" stiffness="{rope}"><site site="top"/><site site="tip"/></spatial></tendon>
   <actuator><position name="turn" joint="swing" kp="{kp}"/></actuator>
-  <sensor><actuatorfrc name="force" actuator="turn"/></sensor></mujoco>"""
+  <sensor><actuatorfrc name="force" actuator="turn"/><e_potential name="potential"/></sensor></mujoco>"""
 PLAIN = dict(
     mass=2.0, friction=0.5, stiffness=3.0, damping=0.2, loss=0.1, weight=1.0, rope=20.0, kp=4.0, gravity=-10
 )
@@ -178,8 +178,57 @@ def test_factors_of_tendons_and_of_gravity():
     for i, sim in enumerate(sims):
         sim.step(20)
         assert_allclose(batch.qpos[i], sim.qpos, rtol=1e-9, atol=1e-12)
+        assert_allclose(batch.sensors["potential"][i], sim.sensors["potential"], rtol=1e-9)
     assert abs(batch.qpos[0, -1] - batch.qpos[1, -1]) > 1e-3
     assert crate().with_factors({"stiffness:rope": 4}).stiffnesses["rope"] == 80
+    written = fork1s.Simulation(crate(rope=80.0))
+    for changed in (crate().with_factors({"stiffness:rope": 4}), crate().with_stiffness({"rope": 80})):
+        assert_allclose(
+            fork1s.Simulation(changed).sensors["potential"], written.sensors["potential"], rtol=1e-12
+        )
+    sim = fork1s.Simulation(crate())
+    sim.set_stiffness({"rope": 80})
+    assert_allclose(sim.sensors["potential"], written.sensors["potential"], rtol=1e-12)
+
+
+BANDS = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="q" axis="0 1 0" stiffness="{q}"/>
+    <geom size=".05" pos=".2 0 0" mass="1"/><body name="b" pos=".3 0 0"><joint name="r" axis="0 1 0" stiffness="{r}"/>
+      <geom size=".05" pos=".2 0 0" mass="1"/></body></body></worldbody>
+  <tendon><fixed name="{band}" stiffness="{k}" damping="{d}" springlength="{slack}"><joint joint="q" coef="2"/></fixed>
+    <fixed name="pair"><joint joint="q" coef="1"/><joint joint="r" coef="1"/></fixed></tendon>
+  <actuator><position name="{servo}" tendon="pair" kp="{kp}" kv="{kv}"/></actuator>
+  <sensor><actuatorfrc name="force" actuator="{servo}"/><e_potential name="potential"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    "plain, factor, written",
+    [
+        # A tendon along one joint, slack at first, is no spring of that joint.
+        ({}, "q", {"q": 8}),
+        ({}, "band", {"k": 80, "d": 0.4}),
+        # Without a linear stiffness.
+        ({"k": "0 2 3"}, "band", {"k": "0 8 12", "d": 0.4}),
+        # Tendons and servos with the name of a joint.
+        ({"band": "q"}, "q", {"q": 8, "k": 80, "d": 0.4}),
+        ({"band": "r"}, "r", {"r": 12, "k": 80, "d": 0.4}),
+        ({"servo": "r"}, "r", {"r": 12, "kp": 40, "kv": 1}),
+        ({"servo": "r", "r": "3 2 1"}, "r", {"r": "12 8 4", "kp": 40, "kv": 1}),
+    ],
+)
+def test_stiffness_factors_scale_all_of_their_name_and_no_other(plain, factor, written):
+    usual = dict(q=2, r=3, band="band", servo="servo", k=20, d=0.2, slack="-.1 .1", kp=10, kv=0.5)
+
+    def after(model):
+        sim = fork1s.Simulation(model, dt=0.005)
+        sim.control_values = [0.3]
+        sim.step(60)
+        return np.hstack([sim.qpos, sim.qvel, *(sim.sensors[name] for name in ("force", "potential"))])
+
+    model = fork1s.load(BANDS.format(**{**usual, **plain}))
+    changed = after(model.with_factors({f"stiffness:{factor}": 4}))
+    by_hand = after(fork1s.load(BANDS.format(**{**usual, **plain, **written})))
+    assert_allclose(changed, by_hand, rtol=1e-9, atol=1e-12)
+    assert np.abs(changed - after(model)).max() > 1e-3
 
 
 def test_named_factors_are_drawn_by_themselves(gripper):

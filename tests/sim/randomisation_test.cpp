@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "gripper.hpp"
+#include "sim/member_pool.hpp"
 
 namespace fork1s {
 namespace {
@@ -62,7 +63,7 @@ TEST(Draw, NamedFactorsDependOnTheirOwnKeyAlone) {
   EXPECT_EQ(drawn.size(), 100u);
   EXPECT_GE(*drawn.begin(), 0.5);
   EXPECT_LE(*drawn.rbegin(), 2);
-  EXPECT_LT(*drawn.begin(), 0.55);  // (1.1/2)^100 of missing either end in as many draws
+  EXPECT_LT(*drawn.begin(), 0.55);  // one of 100 draws is, but for 8e-4: log 1.1 / log 4 = 6.9 % of each are
   EXPECT_GT(*drawn.rbegin(), 1.8);
 }
 
@@ -132,6 +133,17 @@ TEST(Vary, RefusesNamesThatThereAreNot) {
   const auto begun = Starts::Create(scene, {})->Begin({{.named = {{"mass:bal", 2}}}, {}});
   ASSERT_FALSE(begun);
   EXPECT_EQ(begun.error().code, ErrorCode::kUsage);
+}
+
+TEST(MemberPool, FactorsOfOneShareTheWorldWithoutThem) {
+  auto starts = Starts::Create(testing::Gripper().Make(), {});
+  ASSERT_TRUE(starts);
+  internal::MemberPool pool(std::move(*starts), 3);
+  ASSERT_TRUE(pool.Begin(0, {}));
+  ASSERT_TRUE(pool.Begin(1, {{.named = {{"mass:ball", 1}}}, {}}));
+  ASSERT_TRUE(pool.Begin(2, {{.named = {{"mass:ball", 2}}}, {}}));
+  EXPECT_EQ(pool.Moment(1).made_of, pool.Moment(0).made_of);
+  EXPECT_NE(pool.Moment(2).made_of, pool.Moment(0).made_of);
 }
 
 TEST(Starts, BeginWhereTheyWereDrawn) {

@@ -24,6 +24,10 @@ Matrix = npt.NDArray[np.float64]
 
 ROUNDING = 1e-12
 """Of C, as a share: a body that turns by less than 1e-6 rad per shift by the length of a link does not turn."""
+FELT = 1e-9
+"""Of the largest response, or of the compliance: a body that a joint or tendon moves by less does not feel it; rounding is below."""
+LOG_STEP = 1e-4
+"""Of the logarithm of a stiffness: central differences err by its square over 6, 2e-9, and by rounding over it, 1e-12."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +117,7 @@ def fit_stiffness(
         if (
             any(part.feels(model, n) for part in parts)
             if n in coordinates
-            else np.abs(_difference(model, n, parts)).max() > 1e-9
+            else np.abs(_difference(model, n, parts)).max() > FELT
         )
     ]
     if not felt:
@@ -184,7 +188,7 @@ class _Part:
     def feels(self, model: _core.Model, joint: str) -> bool:
         response = self._response(model)
         largest = max((float(np.abs(y).max()) for y in response.values()), default=0.0)
-        return joint in response and float(np.abs(response[joint]).max()) > 1e-9 * largest
+        return joint in response and float(np.abs(response[joint]).max()) > FELT * largest
 
     def residual(self, model: _core.Model) -> Matrix:
         missed: Matrix = self.missed(model)[self.rows, self.columns] / self.unit
@@ -203,10 +207,10 @@ class _Part:
 
 def _difference(model: _core.Model, name: str, parts: list[_Part]) -> Matrix:
     """Slopes of residuals by the logarithm of one stiffness."""
-    k, step = model.stiffnesses[name], 1e-4
-    ends = [model.with_stiffness({name: k * np.exp(sign * step)}) for sign in (1, -1)]
+    k = model.stiffnesses[name]
+    ends = [model.with_stiffness({name: k * np.exp(sign * LOG_STEP)}) for sign in (1, -1)]
     more, less = (np.concatenate([part.residual(end) for part in parts]) for end in ends)
-    slope: Matrix = (more - less) / (2 * step)
+    slope: Matrix = (more - less) / (2 * LOG_STEP)
     return slope
 
 

@@ -14,7 +14,8 @@ from ._errors import UnknownNameError
 class NamedValues(np.ndarray[Any, np.dtype[np.float64]]):
     """(n,) numbers by name or by place: `sim.joint_displacements["elbow"]`, `sim.joint_displacements[2]`.
 
-    Parts of it, and what is computed from it, are plain arrays. Raises UnknownNameError (a KeyError).
+    Parts of it, and what is computed from it, are plain arrays; copies and pickles keep the names, sort, roll and take,
+    which change places, do not. Raises UnknownNameError (a KeyError).
     """
 
     _names: Sequence[str] = ()
@@ -28,9 +29,25 @@ class NamedValues(np.ndarray[Any, np.dtype[np.float64]]):
             key = self._names.index(key)
         return self.view(np.ndarray)[key]
 
-    def __array_finalize__(self, made_from: Any) -> None:
-        names = getattr(made_from, "_names", ())
-        self._names = names if self.shape == (len(names),) else ()
+    def copy(self, order: Any = "C") -> NamedValues:
+        return by_name(np.array(self, order=order), self._names)
+
+    def sort(self, *args: Any, **kwargs: Any) -> None:
+        self._names = ()
+        super().sort(*args, **kwargs)
+
+    def partition(self, *args: Any, **kwargs: Any) -> None:
+        self._names = ()
+        super().partition(*args, **kwargs)
+
+    def __copy__(self) -> NamedValues:
+        return self.copy()
+
+    def __deepcopy__(self, memo: Any) -> NamedValues:
+        return self.copy()
+
+    def __reduce__(self) -> Any:
+        return by_name, (np.array(self), list(self._names))
 
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
         return array[()] if return_scalar else np.asarray(array)

@@ -186,6 +186,8 @@ class _Members:
             if seeds is not None:
                 seeds[members] = rng.integers(2**63 - 1, size=int(members.sum()))
             self.task.begin(members, rng)
+        if seeds is None:  # without seeds a batch keeps factors that a reset before gave
+            factors = {**dict.fromkeys(self.batch.factors, 1.0), **(factors or {})}
         self.batch.reset(mask, seeds=seeds, factors=factors)
         self.steps_made[mask] = 0
         self.has_begun = True

@@ -338,7 +338,8 @@ void Batch::SetState(const std::vector<char>& mask, const double* qpos, const do
           return;
         }
         next[at] = restarted->simulation.Save();
-        // Limits in force stay those that the member began with.
+        // The member steps by the model of its world, which is that of all members with its factors, and not by
+        // one of its own.
         for (MechanismState& mechanism : next[at]->world.mechanisms) mechanism.step_model.reset();
       });
     });

@@ -7,6 +7,7 @@
 
 #include "errors.hpp"
 #include "mechanism/sensor_stiffness.hpp"
+#include "sim/vary.hpp"
 
 namespace fork1s::python {
 
@@ -124,8 +125,8 @@ std::shared_ptr<const Model> Model::WithFactors(const std::map<std::string, doub
   laws.world = scene().world;
   laws.contact_pairs = scene().contact_pairs;
   laws.sensors = std::move(changed.actuators);
-  changed.actuators = Vary(std::move(laws), all).sensors;
-  changed.scene = Vary(std::move(changed.scene), all);
+  changed.actuators = fork1s::internal::VaryChecked(std::move(laws), all).sensors;
+  changed.scene = fork1s::internal::VaryChecked(std::move(changed.scene), all);
   return Create(std::move(changed), origin_, std::nullopt);
 }
 

@@ -236,15 +236,15 @@ std::string ShortNumber(double number) {
   return text.str();
 }
 
-std::vector<std::pair<std::string, double>> JointStiffnesses(const Scene& scene) {
+std::vector<std::pair<std::string, double>> Stiffnesses(const Scene& scene) {
   std::vector<std::pair<std::string, double>> all;
   for (const MechanismDef& mechanism : scene.mechanisms)
     for (const JointDef& joint : mechanism.joints)
       for (const FreedomDef& freedom : joint.freedoms)
-        all.emplace_back("joint '" + joint.name, freedom.stiffness);
+        all.emplace_back("joint '" + joint.name + "'", freedom.stiffness);
   for (const MechanismDef& mechanism : scene.mechanisms)
     for (const SpringDef& spring : mechanism.springs)
-      all.emplace_back("spring '" + spring.name, spring.stiffness);
+      all.emplace_back("spring '" + spring.name + "'", spring.stiffness);
   return all;
 }
 
@@ -254,7 +254,7 @@ Runner::Snapshot Runner::Save() {
   const ReleasedGil others_run;
   const std::lock_guard lock(mutex_);
   Snapshot snapshot{
-      simulation_.Save(), time_before_, pushes_, simulation_.dt(), JointStiffnesses(simulation_.scene()),
+      simulation_.Save(), time_before_, pushes_, simulation_.dt(), Stiffnesses(simulation_.scene()),
       std::nullopt};
   if (error_) snapshot.error = error_->Save();
   return snapshot;
@@ -268,17 +268,17 @@ Expected<void> FitsStep(double dt, const Simulation& simulation) {
 }
 
 Expected<void> FitsStiffness(const Runner::Snapshot& snapshot, const Simulation& simulation) {
-  const auto stiffness = JointStiffnesses(simulation.scene());
+  const auto stiffness = Stiffnesses(simulation.scene());
   // Of another scene where they are not the same joints, which Restore refuses.
   if (stiffness.size() != snapshot.stiffness.size()) return {};
   for (std::size_t i = 0; i < stiffness.size(); ++i) {
-    const auto& [joint, then] = snapshot.stiffness[i];
+    const auto& [name, then] = snapshot.stiffness[i];
     const double now = stiffness[i].second;
     // Beyond rounding, which the shares of springs and servos leave where a stiffness is set back.
-    if (stiffness[i].first == joint && std::abs(now - then) > 1e-12 * std::max(now, then))
+    if (stiffness[i].first == name && std::abs(now - then) > 1e-12 * std::max(now, then))
       return Fail(ErrorCode::kUsage, "restore",
-                  "the moment is of another stiffness: " + joint + "' had " + ShortNumber(then) +
-                      " and has " + ShortNumber(now) + "; call set_stiffness with that first");
+                  "the moment is of another stiffness: " + name + " had " + ShortNumber(then) + " and has " +
+                      ShortNumber(now) + "; call set_stiffness with that first");
   }
   return {};
 }

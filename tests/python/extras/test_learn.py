@@ -106,6 +106,18 @@ def test_factors_by_name_are_drawn_and_given():
         gymnasium.make("fork1s/GraspLift-v0", randomise={"mass:cub": (1, 2)})
 
 
+def test_factors_given_to_one_reset_are_gone_at_the_next():
+    one = gymnasium.make("fork1s/GraspLift-v0", randomise=False)
+    many = gymnasium.make_vec("fork1s/GraspLift-v0", num_envs=2, randomise=False)
+    one.reset(seed=2, options={"factors": {"mass:cube": 3, "friction": 0.5}})
+    many.reset(seed=2, options={"factors": {"mass:cube": [2, 3]}})
+    for options, gravity in ((None, 1), ({"factors": {"gravity": 0.5}}, 0.5)):
+        _, info = one.reset(seed=2, options=options)
+        assert info["mass:cube"] == info["friction"] == 1 and info.get("gravity", 1) == gravity
+        _, info = many.reset(seed=2, options=options)
+        assert_array_equal(info["mass:cube"], [1, 1])
+
+
 def test_who_is_done_begins_anew():
     many = gymnasium.make_vec("fork1s/GraspLift-v0", num_envs=2, randomise={"mass": (1, 1)})
     seen, _ = many.reset(seed=3)
