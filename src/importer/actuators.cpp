@@ -23,6 +23,9 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
     control.setpoint_per_unit = input.gain / -a.b1;
     control.setpoint_rest = a.b0 / -a.b1 - a.length.at_reference;
   }
+  // The voltage of a motor is none, whatever its gain and damping are.
+  control.is_velocity_setpoint = !input.setpoint && a.b2 < 0 && input.gain == -a.b2 &&
+                                 c.m.actuator_gaintype[a.actuator] != mjGAIN_DCMOTOR;
   ControlSource& source = c.controls[mechanism].back();
   source.motor = !a.muscle && a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
   for (const auto& term : a.length.terms) source.dofs.push_back(term.first);

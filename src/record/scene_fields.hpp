@@ -206,7 +206,7 @@ template <class A>
 void Fields(A& a, Like<ControlDef, A>& s) {
   auto& [name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
          activation_lower, activation_upper, initial_activation, deactivation_time, smoothing,
-         setpoint_per_unit, setpoint_rest] = s;
+         setpoint_per_unit, setpoint_rest, is_velocity_setpoint] = s;
   a("name", name), a("terms", terms), a("gain", gain), a("is_setpoint", is_setpoint);
   a("lower", lower), a("upper", upper), a("initial", initial), a("along", along);
   a.Optional("dynamics", dynamics), a.Optional("time_constant", time_constant);
@@ -214,6 +214,7 @@ void Fields(A& a, Like<ControlDef, A>& s) {
   a.Optional("initial_activation", initial_activation), a.Optional("deactivation_time", deactivation_time);
   a.Optional("smoothing", smoothing);
   a.Optional("setpoint_per_unit", setpoint_per_unit), a.Optional("setpoint_rest", setpoint_rest);
+  a.Optional("is_velocity_setpoint", is_velocity_setpoint);
 }
 
 template <class A>

@@ -132,8 +132,14 @@ void ScaleDamper(double factor, SpringDef& spring) {
 template <class IsScaled>
 void ScaleSensorDampers(double factor, Scene& scene, const IsScaled& is_scaled) {
   for (SensorDef& sensor : scene.sensors)
-    for (SensorActuator& actuator : sensor.actuators)
-      if (is_scaled(actuator)) actuator.damping *= factor;
+    for (SensorActuator& actuator : sensor.actuators) {
+      if (!is_scaled(actuator)) continue;
+      actuator.damping *= factor;
+      for (const ControlDef& control :
+           scene.mechanisms[static_cast<std::size_t>(actuator.mechanism)].controls)
+        for (auto& [name, gain] : actuator.inputs)
+          if (name == control.name && control.is_velocity_setpoint) gain *= factor;
+    }
 }
 
 // Of a freedom itself, with the shares of servos in it.
@@ -142,6 +148,8 @@ void ScaleFreedomDamping(std::size_t mechanism, FreedomRef freedom, double facto
   def.joints[freedom.joint.u()].freedoms[static_cast<std::size_t>(freedom.freedom)].damping *= factor;
   for (ForceLimitDef& limit : def.force_limits)
     if (internal::IsAlong(freedom, limit)) limit.damping *= factor;
+  for (ControlDef& control : def.controls)
+    if (control.is_velocity_setpoint && internal::IsAlong(freedom, control)) control.gain *= factor;
   ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
     return actuator.mechanism == static_cast<int>(mechanism) && internal::IsAlong(freedom, actuator);
   });
@@ -181,6 +189,9 @@ void ScaleDampingOf(const std::string& name, double factor, Scene& scene) {
       if (spring.name == name) ScaleDamper(factor, spring);
     for (ForceLimitDef& limit : def.force_limits)
       if (limit.name == name && is_of_tendon(limit)) limit.damping *= factor;
+    for (ControlDef& control : def.controls)
+      if (control.name == name && control.is_velocity_setpoint && is_of_tendon(control))
+        control.gain *= factor;
     ScaleSensorDampers(factor, scene, [&](const SensorActuator& actuator) {
       return actuator.mechanism == static_cast<int>(i) && is_of_tendon(actuator) &&
              std::any_of(actuator.inputs.begin(), actuator.inputs.end(),
@@ -196,6 +207,8 @@ void ScaleDamping(double factor, Scene& scene) {
     for (ClosureDef& closure : def.closures) closure.damping *= factor;
     for (SpringDef& spring : def.springs) ScaleDamper(factor, spring);
     for (ForceLimitDef& limit : def.force_limits) limit.damping *= factor;
+    for (ControlDef& control : def.controls)
+      if (control.is_velocity_setpoint) control.gain *= factor;
   }
   ScaleSensorDampers(factor, scene, [](const SensorActuator&) { return true; });
 }

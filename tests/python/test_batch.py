@@ -231,6 +231,40 @@ def test_stiffness_factors_scale_all_of_their_name_and_no_other(plain, factor, w
     assert np.abs(changed - after(model)).max() > 1e-3
 
 
+SPEEDS = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="q" axis="0 0 1" damping="{d}"/>
+    <geom size=".05" pos=".2 0 0" mass="1"/><body name="b" pos=".3 0 0"><joint name="r" axis="0 0 1" damping="{d}"/>
+      <geom size=".05" pos=".2 0 0" mass="1"/></body></body></worldbody>
+  <tendon><fixed name="pair"><joint joint="q" coef="1"/><joint joint="r" coef="1"/></fixed></tendon>
+  <actuator><velocity name="turn" joint="q" kv="{kv}" gear="2"/>
+    <velocity name="bounded" joint="r" kv="{kv}" forcerange="-.2 .2"/>
+    <velocity name="both" tendon="pair" kv="{tendon}"/></actuator>
+  <sensor><actuatorfrc name="force" actuator="turn"/></sensor></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    "factor, written",
+    [
+        ({"damping": 2}, {"d": 0.02, "kv": 1, "tendon": 0.4}),
+        ({"damping:q": 2, "damping:r": 2}, {"d": 0.02, "kv": 1}),
+        ({"damping:both": 2}, {"tendon": 0.4}),
+    ],
+)
+def test_factors_of_damping_leave_the_speed_that_a_servo_reaches(factor, written):
+    def after(model):
+        sim = fork1s.Simulation(model, dt=0.005)
+        sim.control_values = [0.8, -0.7, 0.3]
+        sim.step(60)
+        return np.hstack([sim.qpos, sim.qvel, sim.sensors["force"], sim.actuator_forces["turn"]])
+
+    # The force of `bounded` is at its bound, or not.
+    plain = dict(d=0.01, kv=0.5, tendon=0.2)
+    model = fork1s.load(SPEEDS.format(**plain))
+    changed = after(model.with_factors(factor))
+    by_hand = after(fork1s.load(SPEEDS.format(**{**plain, **written})))
+    assert_allclose(changed, by_hand, rtol=1e-9, atol=1e-12)
+    assert np.abs(changed - after(model)).max() > 1e-3
+
+
 def test_named_factors_are_drawn_by_themselves(gripper):
     ranges = {
         "mass:cube": (0.5, 2),

@@ -160,10 +160,10 @@ class BitList {
   void Add(const ControlDef& s) {
     const auto& [name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
                  activation_lower, activation_upper, initial_activation, deactivation_time, smoothing,
-                 setpoint_per_unit, setpoint_rest] = s;
+                 setpoint_per_unit, setpoint_rest, is_velocity_setpoint] = s;
     All(name, terms, gain, is_setpoint, lower, upper, initial, along, dynamics, time_constant,
         activation_lower, activation_upper, initial_activation, deactivation_time, smoothing,
-        setpoint_per_unit, setpoint_rest);
+        setpoint_per_unit, setpoint_rest, is_velocity_setpoint);
   }
   void Add(const MuscleDef& s) {
     const auto& [name, terms, control, force, length_lower, length_upper, range_lower, range_upper, lmin,

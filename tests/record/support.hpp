@@ -195,6 +195,7 @@ inline Scene SceneWithEverything(unsigned seed) {
     m.controls[1].smoothing = random.Uniform(0, 1);
     m.controls[0].setpoint_per_unit = random.Uniform(0.1, 3);
     m.controls[0].setpoint_rest = random.Uniform(-1, 1);
+    m.controls[1].is_velocity_setpoint = true;
     MuscleDef muscle;
     muscle.name = "muscle";
     muscle.terms = m.controls[0].terms;

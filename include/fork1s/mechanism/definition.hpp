@@ -277,6 +277,7 @@ struct ControlDef {
       0;  // of a muscle: over this range of u - a its τ goes from one to the other; 0: it jumps
   // Of a servo: its own spring rests at the length setpoint_rest + setpoint_per_unit·u [m or rad].
   double setpoint_per_unit = 1, setpoint_rest = 0;
+  bool is_velocity_setpoint = false;  // gain is the damping of its servo and scales with it
 
   /// What the spring of a servo stores more with the input u than without, at length 0 [J].
   double SetPointEnergy(double u) const {
