@@ -212,7 +212,7 @@ std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options
                     : which == Touching::kOutermost ? "the outermost bodies with colliding shapes"
                                                     : "its last bodies");
     if (excluded)
-      text += fmt::format("; of these only {} touch other bodies of its own, and links with <self_collide>",
+      text += fmt::format("; each other and the base are touched by {} and links with <self_collide> alone",
                           Quoted(outermost, 24));
     std::vector<BodyIndex> touching;
     for (const std::string& name : mechanism.interfaces) touching.push_back(mechanism.FindBody(name));

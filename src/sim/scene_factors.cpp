@@ -1,5 +1,7 @@
 #include <fork1s/sim/scene_factors.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fork1s/mechanism/mechanism.hpp>
@@ -102,6 +104,13 @@ Candidates FindCandidates(const std::string& quantity, const Scene& scene) {
       if (of_stiffness ? internal::HasStiffness(spring) : HasDamping(spring)) add(spring.name);
   }
   return found;
+}
+
+std::vector<std::pair<std::string, double>> AllOf(const SceneFactors& factors) {
+  std::vector<std::pair<std::string, double>> all = {
+      {"stiffness", factors.stiffness}, {"friction", factors.friction}, {"mass", factors.mass}};
+  all.insert(all.end(), factors.named.begin(), factors.named.end());
+  return all;
 }
 
 Expected<void> CheckKey(const Scene& scene, const std::string& key) {
@@ -266,26 +275,25 @@ void SetFactor(const std::string& key, double factor, SceneFactors& factors) {
 }
 
 Expected<void> CheckFactors(const Scene& scene, const SceneFactors& factors) {
+  for (const auto& [key, factor] : AllOf(factors)) {
+    const bool may_be_zero = !key.starts_with("mass") && !key.starts_with("stiffness:");
+    if (!std::isfinite(factor) || factor < 0 || (factor == 0 && !may_be_zero))
+      return Fail(
+          ErrorCode::kUsage, "factor '" + key + "'",
+          fmt::format("is {}; give a finite factor {}", factor, may_be_zero ? "of 0 or more" : "above 0"));
+  }
   for (const auto& [key, factor] : factors.named)
     if (auto known = CheckKey(scene, key); !known) return known;
   return {};
 }
 
 Scene Vary(Scene scene, const SceneFactors& factors) {
-  const auto known = CheckFactors(scene, factors);
-  FORK1S_REQUIRE(known.has_value(), known ? "" : known.error().Text());
+  const auto passes = CheckFactors(scene, factors);
+  FORK1S_REQUIRE(passes.has_value(), passes ? "" : passes.error().Text());
   return internal::VaryChecked(std::move(scene), factors);
 }
 
 Scene internal::VaryChecked(Scene scene, const SceneFactors& factors) {
-  std::vector<std::pair<std::string, double>> all = {
-      {"stiffness", factors.stiffness}, {"friction", factors.friction}, {"mass", factors.mass}};
-  all.insert(all.end(), factors.named.begin(), factors.named.end());
-  for (const auto& [what, factor] : all) {
-    FORK1S_REQUIRE(std::isfinite(factor) && factor >= 0, what, "by", factor, "; give a factor of 0 or more");
-    FORK1S_REQUIRE(factor > 0 || !(what.starts_with("mass") || what.starts_with("stiffness:")), what,
-                   "by 0; give a factor above 0");
-  }
   if (factors.stiffness != 1) {
     for (MechanismDef& def : scene.mechanisms) def = ScaleStiffness(std::move(def), factors.stiffness);
     internal::ScaleSensorLaws(factors.stiffness, scene);

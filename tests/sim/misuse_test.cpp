@@ -198,9 +198,9 @@ TEST(Misuse, OfFactorsAndRangesThrows) {
                   }};
   };
   ExpectThrown({
-      vary("stiffness by -1", {-1, 1, 1}),
-      vary("friction by nan", {1, kNaN, 1}),
-      vary("mass by 0", {1, 1, 0}),
+      vary("factor 'stiffness': is -1; give a finite factor of 0 or more", {-1, 1, 1}),
+      vary("factor 'friction': is nan", {1, kNaN, 1}),
+      vary("factor 'mass': is 0; give a finite factor above 0", {1, 1, 0}),
       draw("range 2 to 1", {2, 1}, {}),
       draw("range 0 to 1", {0, 1}, {}),
       draw("range nan to 1", {}, {kNaN, 1}),

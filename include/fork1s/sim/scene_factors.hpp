@@ -23,11 +23,11 @@ struct SceneFactors {
 /// Sets the factor of that key: "stiffness", "friction", "mass" or one of SceneFactors::named.
 void SetFactor(const std::string& key, double factor, SceneFactors& factors);
 
-/// Errors: kUsage for keys of SceneFactors::named that name nothing in the scene, with those most like them.
+/// Errors: kUsage for factors that are not finite or below 0, those of mass and of named stiffnesses also where they are
+/// 0, and for keys of SceneFactors::named that name nothing in the scene, with those most like them.
 Expected<void> CheckFactors(const Scene& scene, const SceneFactors& factors);
 
-/// The scene with factors worked in. They must be finite and 0 or more, those of mass and of named stiffnesses above
-/// 0, and pass CheckFactors.
+/// The scene with factors worked in, which must pass CheckFactors.
 Scene Vary(Scene scene, const SceneFactors& factors);
 
 }  // namespace fork1s
