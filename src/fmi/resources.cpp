@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "array_bytes.hpp"
+#include "base/fnv1a.hpp"
 #include "record/scene_json.hpp"
 
 namespace fork1s::fmi {
@@ -68,14 +69,6 @@ void DropPictures(std::vector<GeometryDef>& geometries) {
 
 constexpr const char* kUnpack = "unpack the whole archive of the unit again";
 
-std::uint64_t Mix(std::uint64_t value, const std::string& bytes) {
-  for (const char c : bytes) {  // FNV-1a
-    value ^= static_cast<unsigned char>(c);
-    value *= 0x100000001b3ull;
-  }
-  return value;
-}
-
 }  // namespace
 
 Expected<std::string> ReadFile(const std::string& path, const char* remedy) {
@@ -108,7 +101,7 @@ std::string TokenOf(const std::map<std::string, std::string>& resources) {
     return Json::parse(unit->second).at("token").get<std::string>();
   std::uint64_t words[2] = {0xcbf29ce484222325ull, 0x9e3779b97f4a7c15ull};
   for (const auto& [name, bytes] : resources)
-    for (std::uint64_t& word : words) word = Mix(Mix(word, name), bytes);
+    for (std::uint64_t& word : words) word = Fnv1a(bytes, Fnv1a(name, word));
   constexpr const char* kHex = "0123456789abcdef";
   std::string token = "{";
   for (int digit = 0; digit < 32; ++digit) {

@@ -116,7 +116,7 @@ std::vector<std::string> Bodies(const MechanismDef& mechanism, Touching which) {
 // Where that many bodies would not keep a mechanism from being reduced, all that can touch do: the coordinates are
 // then few, or at most twice the six of each outermost body.
 Touching ChooseTouching(const MechanismDef& mechanism, std::size_t num_outermost) {
-  constexpr std::size_t kFewCoordinates = 24;
+  constexpr std::size_t kFewCoordinates = 24;  // as kMostCoordinatesByStep of the reduction
   if (num_outermost == 0) return Touching::kLast;
   std::size_t coordinates = 0;
   for (const JointDef& joint : mechanism.joints) coordinates += joint.freedoms.size();

@@ -10,6 +10,7 @@ namespace fork1s::internal {
 std::vector<std::string> DescribeStopsPassedAtStart(const Mechanism& mechanism, const VectorX& q) {
   constexpr double kWorthSaying = 1e-3;  // rad, or of the length scale: what is smaller is not seen to move
   std::vector<std::string> out;
+  if (mechanism.length_limits().empty()) return out;
   Kinematics start(mechanism);
   ComputeKinematics(mechanism, q, start);
   for (const Mechanism::LengthLimit& limit : mechanism.length_limits()) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "mechanism/activation.hpp"
+#include "mechanism/freedoms.hpp"
 #include "mechanism/sensor_stiffness.hpp"
 
 namespace fork1s {
@@ -68,22 +69,21 @@ Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double
   if (!(std::isfinite(stiffness) && stiffness >= 0))
     return Fail(ErrorCode::kUsage, "stiffness of '" + coordinate + "'", "must be finite and 0 or more");
   std::string known;
-  for (MechanismDef& def : scene.mechanisms) {
-    auto built = BuildMechanism(def);
-    if (!built) return tl::unexpected(built.error());
-    int at = 0;
-    for (const JointDef& joint : built->definition().joints)
-      for (std::size_t f = 0; f < joint.freedoms.size(); ++f, ++at) {
-        if (built->CoordinateName(at) == coordinate) {
-          const FreedomRef freedom{def.FindJoint(joint.name), static_cast<int>(f)};
+  const auto add = [&](const std::string& name) { known += (known.empty() ? "" : ", ") + name; };
+  for (MechanismDef& def : scene.mechanisms)
+    for (const JointDef& joint : def.joints)
+      for (int f = 0; f < static_cast<int>(joint.freedoms.size()); ++f) {
+        const std::string name =
+            internal::CoordinateName(joint.name, static_cast<int>(joint.freedoms.size()), f);
+        if (name == coordinate) {
+          const FreedomRef freedom{def.FindJoint(joint.name), f};
           internal::SetSensorStiffness(static_cast<std::size_t>(&def - scene.mechanisms.data()), freedom,
                                        stiffness, scene);
           def = SetStiffness(std::move(def), freedom, stiffness);
           return scene;
         }
-        known += (known.empty() ? "" : ", ") + built->CoordinateName(at);
+        add(name);
       }
-  }
   for (MechanismDef& def : scene.mechanisms) {
     if (StiffnessOf(def, coordinate) > 0) {
       if (stiffness == 0)
@@ -95,7 +95,7 @@ Expected<Scene> WithStiffness(Scene scene, const std::string& coordinate, double
       return scene;
     }
     for (const SpringDef& spring : def.springs)
-      if (spring.stiffness > 0) known += (known.empty() ? "" : ", ") + spring.name;
+      if (spring.stiffness > 0) add(spring.name);
   }
   return Fail(ErrorCode::kUsage, "joint coordinate, tendon or servo of a tendon '" + coordinate + "'",
               "there are: " + known);

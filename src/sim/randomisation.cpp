@@ -7,6 +7,7 @@
 #include <random>
 #include <utility>
 
+#include "base/fnv1a.hpp"
 #include "sim/vary.hpp"
 
 namespace fork1s {
@@ -20,13 +21,6 @@ double Unit(std::mt19937_64& bits) { return static_cast<double>(bits() >> 11) * 
 double Factor(std::mt19937_64& bits, const DrawRange& range) {
   const double at = Unit(bits);
   return range.low == range.high ? range.low : range.low * std::exp(at * std::log(range.high / range.low));
-}
-
-// FNV-1a.
-std::uint64_t HashOf(const std::string& key) {
-  std::uint64_t hash = 0xcbf29ce484222325;
-  for (const char c : key) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-  return hash;
 }
 
 std::string NamesAll(const Simulation& simulation) {
@@ -75,8 +69,8 @@ Drawn Draw(const Randomisation& randomisation, std::uint64_t seed, std::uint64_t
     drawn.start(static_cast<Eigen::Index>(i)) = range.low + (range.high - range.low) * Unit(bits);
   }
   for (const auto& [key, range] : randomisation.named) {
-    std::seed_seq own_words{low(seed),       low(seed >> 32),  low(time),
-                            low(time >> 32), low(HashOf(key)), low(HashOf(key) >> 32)};
+    std::seed_seq own_words{low(seed),       low(seed >> 32), low(time),
+                            low(time >> 32), low(Fnv1a(key)), low(Fnv1a(key) >> 32)};
     std::mt19937_64 own(own_words);
     SetFactor(key, Factor(own, range), drawn.factors);
   }

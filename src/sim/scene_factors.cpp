@@ -114,17 +114,12 @@ std::vector<std::pair<std::string, double>> AllOf(const SceneFactors& factors) {
 }
 
 Expected<void> CheckKey(const Scene& scene, const std::string& key) {
-  static const std::vector<std::string> kWithName = {"stiffness", "friction", "mass", "damping",
-                                                     "frictionloss"};
   const auto [quantity, name] = Split(key);
-  const bool has_name = key.find(':') != std::string::npos;
-  const bool is_known = std::find(kWithName.begin(), kWithName.end(), quantity) != kWithName.end();
-  if (has_name ? !is_known : quantity != "gravity" && quantity != "damping" && quantity != "frictionloss")
-    return Fail(
-        ErrorCode::kUsage, "factor '" + key + "'",
-        "is none of: stiffness, friction, mass, damping, frictionloss, gravity, mass:BODY, friction:BODY, "
-        "stiffness:NAME, damping:NAME, frictionloss:NAME of a joint or tendon");
-  if (!has_name) return {};
+  // Those of all of these are members of their own.
+  if (!internal::IsOfQuantity(key) || key == "stiffness" || key == "friction" || key == "mass")
+    return Fail(ErrorCode::kUsage, "factor '" + key + "'",
+                std::string("is none of: ") + internal::kFactorKeys);
+  if (key.find(':') == std::string::npos) return {};
   const Candidates candidates = FindCandidates(quantity, scene);
   if (std::find(candidates.names.begin(), candidates.names.end(), name) != candidates.names.end()) return {};
   return Fail(ErrorCode::kUsage, "factor '" + key + "'",

@@ -6,13 +6,6 @@
 #include "for_all.hpp"
 
 namespace fork1s {
-namespace {
-
-// What touches what.
-auto Shapes(const ContactPoint& p) { return std::tuple(p.body_a, p.body_b, p.geometry_a, p.geometry_b); }
-
-}  // namespace
-
 ContactMatcher::Scratch::Scratch() {
   candidates.reserve(16);  // a patch of four beside one of four
   places.reserve(16);

@@ -15,6 +15,11 @@
 
 namespace fork1s {
 
+/// What touches what.
+inline auto Shapes(const ContactPoint& p) {
+  return std::tuple(p.body_a, p.body_b, p.geometry_a, p.geometry_b);
+}
+
 class ContactMatcher {
  public:
   /// Room for that many contacts.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 namespace fork1s {
 namespace {
@@ -45,8 +44,7 @@ StepSubject FindImpact(const ImpactView& at, double h) {
   for (std::size_t i = 0; i < at.detection.points.size(); ++i) {
     if (!(at.rows.contacts[i].impulse(0) > 0) || at.CarriedLoad(i)) continue;
     const ContactPoint& p = at.detection.points[i];
-    const double speed = at.approaches.impact_speed;
-    if (at.approaches.closing[i] > speed || p.gap > h * speed) return ContactOf(p);
+    if (at.approaches.closing[i] > least || p.gap > h * least) return ContactOf(p);
   }
   return {};
 }
@@ -92,12 +90,8 @@ bool MayHavePassed(const ImpactView& at, double h) {
   const Detection& d = at.detection;
   std::size_t end = 0;
   for (std::size_t begin = 0; begin < d.points.size(); begin = end) {
-    const auto shapes = [&](std::size_t i) {
-      const ContactPoint& p = d.points[i];
-      return std::tie(p.body_a, p.body_b, p.geometry_a, p.geometry_b);
-    };
     bool carried_load = false;
-    for (end = begin; end < d.points.size() && shapes(end) == shapes(begin); ++end)
+    for (end = begin; end < d.points.size() && Shapes(d.points[end]) == Shapes(d.points[begin]); ++end)
       carried_load = carried_load || at.CarriedLoad(end);
     const double motion = d.PairMotion(d.points[begin].body_a, d.points[begin].body_b);
     for (std::size_t i = begin; i < end; ++i) {

@@ -6,6 +6,7 @@
 #include <fork1s/sim/simulation.hpp>
 #include <functional>
 
+#include "mechanism/limits_at_start.hpp"
 #include "support.hpp"
 
 namespace fork1s::reference_test {
@@ -51,6 +52,23 @@ void RunReduced(const Scene& scene, double h, Integrator integrator, double seco
   for (int i = 0; i < static_cast<int>(std::lround(seconds / h)); ++i) {
     ASSERT_TRUE(reduced->Step().IsSolved()) << i;
     look(reduced->Pose("ball").translation().z());
+  }
+}
+
+// What is told is passed by more than a thousandth of the length scale, or of a radian.
+TEST(StopsPassedAtStart, AreToldFromAShareOfTheLengthOn) {
+  auto rope =
+      BuildMechanism(BallOnRope(R"(<joint name="slide" type="slide" axis="0 0 1"/>)").mechanisms.at(0));
+  auto hinge = BuildMechanism(Import(R"(<mujoco><compiler angle="radian"/><worldbody><body>
+    <joint name="j" axis="0 1 0" range="-1 1"/><geom size=".1"/></body></worldbody></mujoco>)")
+                                  .mechanisms.at(0));
+  ASSERT_TRUE(rope && hinge);
+  for (const double share : {0.9e-3, 1.1e-3}) {
+    // Upwards the rope is shorter.
+    const VectorX z = VectorX::Constant(1, kRopeBeyond - share * rope->length_scale());
+    EXPECT_EQ(internal::DescribeStopsPassedAtStart(*rope, z).size(), share > 1e-3 ? 1u : 0u) << share;
+    const VectorX q = VectorX::Constant(1, 1 + share);
+    EXPECT_EQ(internal::DescribeStopsPassedAtStart(*hinge, q).size(), share > 1e-3 ? 1u : 0u) << share;
   }
 }
 

@@ -9,6 +9,7 @@
 #include "arguments.hpp"
 #include "arrays.hpp"
 #include "errors.hpp"
+#include "sim/vary.hpp"
 #include "text.hpp"
 
 namespace fork1s::python {
@@ -29,12 +30,6 @@ std::vector<double> ReadFactors(const nb::object& given, std::size_t count, cons
     if (!(std::isfinite(f) && f > 0))
       throw nb::value_error((std::string(argument) + " must be finite and above 0").c_str());
   return factors;
-}
-
-bool IsFactor(const std::string& name) {
-  const std::string quantity = name.substr(0, name.find(':'));
-  const auto all = {"stiffness", "friction", "mass", "damping", "frictionloss", "gravity"};
-  return std::any_of(all.begin(), all.end(), [&](const char* known) { return quantity == known; });
 }
 
 // One for all, from which each member's is mixed, or one for each.
@@ -90,14 +85,11 @@ Randomisation ReadRanges(const nb::object& given) {
       ranges.mass = read;
     else if (is_start)
       ranges.start.push_back({name.substr(start.size()), read});
-    else if (IsFactor(name))
+    else if (fork1s::internal::IsOfQuantity(name))
       ranges.named.push_back({name, read});
     else
       throw Refused{{ErrorCode::kUsage, "randomise",
-                     "'" + name +
-                         "' is none of: stiffness, friction, mass, start:COORDINATE, damping, "
-                         "frictionloss, gravity, mass:BODY, friction:BODY, stiffness:NAME, damping:NAME, "
-                         "frictionloss:NAME"}};
+                     "'" + name + "' is none of: " + fork1s::internal::kFactorKeys + ", start:COORDINATE"}};
   }
   return ranges;
 }

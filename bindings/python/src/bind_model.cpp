@@ -316,7 +316,7 @@ several, ask `mechanisms[i]`, or name a body.)")
           },
           nb::arg("factors"),
           "The same model with parts scaled, as a member of a `Batch` with these factors has them.\n\nfactors: name -> "
-          "factor above 0. `mass`, `friction`, `stiffness`, `damping`, `frictionloss` of all, `gravity`; `mass:BODY`, "
+          "factor of 0 or more, of mass and of one stiffness above 0. `mass`, `friction`, `stiffness`, `damping`, `frictionloss` of all, `gravity`; `mass:BODY`, "
           "`friction:BODY`, `stiffness:NAME`, `damping:NAME`, `frictionloss:NAME` of one, which multiply with those of "
           "all (`Batch` explains them). Raises UsageError, with near names.",
           nb::sig("def with_factors(self, factors: collections.abc.Mapping[str, float]) -> Model"))

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <fork1s/mechanism/set_stiffness.hpp>
+#include <fork1s/sim/continue.hpp>
 #include <fork1s/sim/scene_factors.hpp>
 
 #include "errors.hpp"
-#include "mechanism/sensor_stiffness.hpp"
 #include "sim/vary.hpp"
 
 namespace fork1s::python {
@@ -64,41 +64,19 @@ std::map<std::string, double> Model::Stiffnesses() const {
 
 Scene Model::SetStiffnesses(Scene scene, const std::map<std::string, double>& stiffness,
                             std::vector<SensorDef>& actuators) const {
-  const std::vector<Coordinate> coordinates = CoordinatesOf(*this);
+  const std::map<std::string, double> known = Stiffnesses();
   for (const auto& [name, value] : stiffness) {
-    const auto c = std::find_if(coordinates.begin(), coordinates.end(),
-                                [&wanted = name](const Coordinate& at) { return at.name == wanted; });
-    const auto of_spring =
-        std::find_if(scene.mechanisms.begin(), scene.mechanisms.end(),
-                     [&wanted = name](const MechanismDef& def) { return StiffnessOf(def, wanted) > 0; });
-    if (c == coordinates.end() && of_spring == scene.mechanisms.end()) {
-      std::vector<std::string> known;
-      for (const auto& [one, stiffness_now] : Stiffnesses()) known.push_back(one);
-      RefuseName("joint coordinate, tendon or servo of a tendon", name, known);
+    if (!known.contains(name)) {
+      std::vector<std::string> names;
+      for (const auto& [one, stiffness_now] : known) names.push_back(one);
+      RefuseName("joint coordinate, tendon or servo of a tendon", name, names);
     }
-    if (!(std::isfinite(value) && value >= 0))
-      throw Refused{{ErrorCode::kUsage, name, "a stiffness must be finite and 0 or more"}};
-    if (value == 0 && c == coordinates.end())
-      throw Refused{{ErrorCode::kUsage, name, "the stiffness of a tendon or its servo must be above 0"}};
-    const std::size_t mechanism = c != coordinates.end()
-                                      ? c->mechanism
-                                      : static_cast<std::size_t>(of_spring - scene.mechanisms.begin());
-    const auto set_sensors = [&](Scene& of) {
-      if (c != coordinates.end())
-        fork1s::internal::SetSensorStiffness(mechanism, c->freedom, value, of);
-      else
-        fork1s::internal::SetSensorStiffness(mechanism, name, value, of);
-    };
-    MechanismDef& def = scene.mechanisms[mechanism];
     // Laws of actuators change as those in sensors do.
     Scene laws;
     laws.mechanisms = scene.mechanisms;
     laws.sensors = std::move(actuators);
-    set_sensors(laws);
-    actuators = std::move(laws.sensors);
-    set_sensors(scene);
-    def = c != coordinates.end() ? SetStiffness(std::move(def), c->freedom, value)
-                                 : SetStiffness(std::move(def), name, value);
+    actuators = ValueOrThrow(fork1s::WithStiffness(std::move(laws), name, value)).sensors;
+    scene = ValueOrThrow(fork1s::WithStiffness(std::move(scene), name, value));
   }
   return scene;
 }
@@ -111,11 +89,7 @@ std::shared_ptr<const Model> Model::WithStiffness(const std::map<std::string, do
 
 std::shared_ptr<const Model> Model::WithFactors(const std::map<std::string, double>& factors) const {
   SceneFactors all;
-  for (const auto& [key, factor] : factors) {
-    if (!(std::isfinite(factor) && factor > 0))
-      throw Refused{{ErrorCode::kUsage, "factor '" + key + "'", "must be finite and above 0"}};
-    SetFactor(key, factor, all);
-  }
+  for (const auto& [key, factor] : factors) SetFactor(key, factor, all);
   ValueOrThrow(CheckFactors(scene(), all));
   ImportedScene changed = imported_;
   // Laws of actuators change as those in sensors do.
