@@ -27,7 +27,9 @@ describe.skipIf(!ready)('the past, and every signal', () => {
     await page.locator('.timeline').waitFor();
     await page.waitForFunction(() => fork1s?.timeline?.playing === false);
     const end = await time();
-    await page.locator('.timeline input').fill('40');
+    // In the middle: a machine under load shows fewer frames a second, so that no number of a frame is a time.
+    const slider = page.locator('.timeline input');
+    await slider.fill(String(Math.floor(Number(await slider.getAttribute('max')) / 2)));
     await expect.poll(time).toBeLessThan(end - 0.2);
     const then = await time();
     // The plots hold what they had, with a line at the moment shown.
