@@ -217,7 +217,35 @@ int OnCapsule(const mjModel* m, const mjData* d, mjPreContact* contacts, int fou
                         [](const mjPreContact& p, const mjPreContact& q) { return p.dist < q.dist; });
   return WriteOverlap(m, d, contacts, a, b, margin, DeepestOf(nearest));
 }
+// Whether the segment of a capsule meets the box.
+bool Pierces(const Posed& capsule, const Posed& box) {
+  const Vector3 middle = box.R.transpose() * (capsule.p - box.p),
+                along = box.R.transpose() * (capsule.size[1] * capsule.R.col(2));
+  double from = -1, to = 1;
+  for (int k = 0; k < 3; ++k) {
+    if (along[k] == 0) {
+      if (std::abs(middle[k]) > box.size[k]) return false;
+      continue;
+    }
+    const double at = -middle[k] / along[k], half = box.size[k] / std::abs(along[k]);
+    from = std::max(from, at - half);
+    to = std::min(to, at + half);
+  }
+  return from < to;
+}
+// MuJoCo's routine seeks the point of the segment that is nearest to the box and says nothing, or that they are apart, of
+// a segment that meets it. That is a box without width, as deep in the other as the two boxes are, and by the radius more.
 int CapsuleOnBox(const mjModel* m, mjData* d, mjPreContact* contacts, int capsule, int box, mjtNum margin) {
+  const Posed rod(m, d, capsule), block(m, d, box);
+  Deepest deepest;
+  if (!(m->opt.disableflags & mjDSBL_MULTICCD) && Pierces(rod, block) &&
+      BoxBox(block.size, RigidTransform(Matrix3(block.R), block.p), Vector3(0, 0, rod.size[1]),
+             RigidTransform(Matrix3(rod.R), rod.p), margin, deepest)) {
+    deepest.normal = -deepest.normal;
+    deepest.point += 0.5 * rod.size[0] * deepest.normal;
+    deepest.gap -= rod.size[0];
+    return WriteOverlap(m, d, contacts, capsule, box, margin, deepest);
+  }
   return OnCapsule(m, d, contacts, mujoco_capsule_box(m, d, contacts, capsule, box, margin), capsule, box,
                    margin);
 }

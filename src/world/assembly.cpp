@@ -27,6 +27,7 @@ void AssembleContact(std::size_t i, const StageAtHand& stage, const StepOptions&
   if (c.port_a >= 0) c.J_a = -PortRows(detection, rows, p.body_a, p.point, p.frame);
   if (c.port_b >= 0) c.J_b = PortRows(detection, rows, p.body_b, p.point, p.frame);
   const Vector3 speed = RelativeSpeed(c, rows.velocities);
+  approaches.pose_gaps[i] = p.gap;
   // A stage finds contacts at the pose that the velocity at hand leads to: this is the gap at its base point.
   if (stage.within) p.gap -= h * speed(0);
   approaches.closing[i] =
@@ -108,6 +109,7 @@ void AssembleContacts(const StageAtHand& stage, const StepOptions& options, cons
   rows.contacts.resize(detection.points.size());
   approaches.rebound.assign(detection.points.size(), 0.0);
   approaches.closing.assign(detection.points.size(), 0.0);
+  approaches.pose_gaps.assign(detection.points.size(), 0.0);
   ForContacts(detection, [&](std::size_t i) {
     AssembleContact(i, stage, options, history, detection, approaches, rows);
   });

@@ -172,6 +172,7 @@ Expected<World> World::Create(const Scene& scene, const Options& options) {
   detail.rows_.pulls.reserve(room);
   detail.approaches_.rebound.reserve(room);
   detail.approaches_.closing.reserve(room);
+  detail.approaches_.pose_gaps.reserve(room);
   detail.start_points_.reserve(room);
   detail.bodies_.SetMechanismGrain();
   std::size_t blocks = detail.bodies_.free_bodies.size();

@@ -141,6 +141,12 @@ void Detection::WidenToMotion() {
   }
 }
 
+Vector3 Detection::MotionInStage(int body, const Vector3& p_W) const {
+  const auto i = static_cast<std::size_t>(body);
+  if (collision_bodies[i].kind == CollisionBody::Kind::kWorld) return Vector3::Zero();
+  return p_W - stage_start_poses[i] * (poses[i].inverse() * p_W);
+}
+
 bool Detection::IsWidthFinite() const { return std::isfinite(LargestPair(least_reach.in_world)); }
 
 }  // namespace fork1s

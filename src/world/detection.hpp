@@ -30,6 +30,8 @@ struct Detection {
   void FindTouched(std::size_t free_bodies);
   /// By which two bodies may have closed their gap [m].
   double PairMotion(int a, int b) const { return motion.Of(a, b, margins.group); }
+  /// From the start of the stage to the last detection, of the point of a body that is at `p_W` then [m].
+  Vector3 MotionInStage(int body, const Vector3& p_W) const;
 
   std::vector<CollisionBody> collision_bodies;
   CollisionBodyShapes shapes;

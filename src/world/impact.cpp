@@ -105,4 +105,17 @@ bool MayHavePassed(const ImpactView& at, double h) {
   return false;
 }
 
+StepSubject FindPassed(const ImpactView& at) {
+  const Detection& d = at.detection;
+  for (std::size_t i = 0; i < d.points.size(); ++i) {
+    const ContactPoint& p = d.points[i];
+    const double most = 0.5 * d.shapes.InnerPairSize(p);
+    if (!(d.PairMotion(p.body_a, p.body_b) > most)) continue;
+    const double closed =
+        p.frame.row(0) * (d.MotionInStage(p.body_a, p.point) - d.MotionInStage(p.body_b, p.point));
+    if (at.approaches.pose_gaps[i] + closed < -most) return ContactOf(p);
+  }
+  return {};
+}
+
 }  // namespace fork1s

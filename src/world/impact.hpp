@@ -14,6 +14,7 @@ struct Approaches {
   void SetSpeeds(const StepOptions& step);
 
   std::vector<double> rebound;      // m/s, per contact that may part again; 0 for others
+  std::vector<double> pose_gaps;    // m, per contact, at the pose of detection
   std::vector<double> closing;      // m/s, per contact, at the start of the step or stage
   std::vector<StopApproach> stops;  // of ConstraintRows::limits
   double impact_speed = 0;          // m/s
@@ -58,5 +59,8 @@ StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts)
 /// on the far side; half of it leaves room for edges. Or in through another face than the one that the predicted pose,
 /// a stage of length h on, shows: along its normal two shapes that carried no load overlap at the base point already.
 bool MayHavePassed(const ImpactView& at, double h);
+/// Two shapes that a solved stage has led through each other: its contact at the end shows a face along whose normal the
+/// points that touch there overlapped at the start of the stage by more than half of the sum of two inner radii.
+StepSubject FindPassed(const ImpactView& at);
 
 }  // namespace fork1s

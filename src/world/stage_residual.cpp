@@ -67,7 +67,8 @@ void FindSwinging(const StageEnd& at, const Changes& by_last, NewtonIteration& n
   const Changes before = std::exchange(newton.changes_before, by_last);
   newton.relaxation = 0;
   if (at.is_first || !at.measures || before.square == 0) return;
-  if (std::max(before.share, by_last.share) > kNear || !(by_last.with_before < 0)) return;
+  if (!(by_last.with_before < 0)) return;
+  if (!at.relaxes_far && std::max(before.share, by_last.share) > kNear) return;
   if (IsSlow(by_last.ratio, before.ratio))
     newton.relaxation =
         (by_last.square - by_last.with_before) / (by_last.square - 2 * by_last.with_before + before.square);

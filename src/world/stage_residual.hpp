@@ -41,11 +41,12 @@ struct NewtonIteration {
 /// Where an iteration of a stage ends.
 struct StageEnd {
   StageScheme scheme = StageScheme::kBackwardEuler;
-  double b = 0, time = 0;  // s: of the stage, from the start of the step to its end
-  double tolerance = 0;    // StepOptions::newton_tolerance
-  bool is_first = true;    // of the iterations
-  bool may_accept = true;  // without an evaluation, where the contraction promises as much
-  bool measures = true;    // the contraction
+  double b = 0, time = 0;    // s: of the stage, from the start of the step to its end
+  double tolerance = 0;      // StepOptions::newton_tolerance
+  bool is_first = true;      // of the iterations
+  bool may_accept = true;    // without an evaluation, where the contraction promises as much
+  bool measures = true;      // the contraction
+  bool relaxes_far = false;  // however much the iterations change
 };
 /// Ends a Newton iteration: everything moves to the pose found. Where mechanisms change so little that by the
 /// contraction seen last the next iteration would change less than the tolerance, their stage is accepted

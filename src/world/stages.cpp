@@ -182,13 +182,14 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report);
         event != HalvingCause::kNone)
       return event;
+    const StepSubject passed = stage_.rows_from_start ? StepSubject() : FindPassed(Impacts());
     const StageResidual found = [&] {
       const PartClock clock(times_, &StepPartTimes::moving);
       // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides
       // in the solve the contraction of other iterations says nothing.
       const bool may_accept = !stage_.rows_from_start && rows_.bounded_forces.empty();
       return MoveAndComputeResiduals({scheme, stage.h, time, options.newton_tolerance, iteration == 1,
-                                      may_accept, !stage_.rows_from_start},
+                                      may_accept, !stage_.rows_from_start, inertial},
                                      bodies_, newton_);
     }();
     if (!IsFinite(true)) break;
@@ -215,10 +216,21 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       max_iterations = iteration + 2 * kMaxNewtonIterations;
     }
     if (!from_start && (found.ratio <= 1 || is_accepted || (ends && found.is_small))) {
-      if (found.ratio > 1 && found.negligible > 1) report.stages_converged = false;
+      const bool has_passed = passed.kind != StepSubject::Kind::kNone;
+      if (has_passed && halving_.depth < kMaxHalvings) {
+        report.halving_of = passed;
+        return HalvingCause::kImpact;
+      }
+      if (has_passed || (found.ratio > 1 && found.negligible > 1)) report.stages_converged = false;
       if (found.largest > report.stage_residual) {
         report.stage_residual = found.largest;
         report.stage_residual_of = found.subject;
+      }
+      // Which of two places the other body is at is then as uncertain as it moved.
+      if (has_passed) {
+        report.stage_residual =
+            std::max(report.stage_residual, detection_.PairMotion(passed.index, passed.part));
+        report.stage_residual_of = passed;
       }
       if (scheme == StageScheme::kSecondOfTwo) report.halving_of = FindSaturationChange(bodies_, stage.h);
       return report.halving_of.kind == StepSubject::Kind::kNone ? HalvingCause::kNone

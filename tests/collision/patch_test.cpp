@@ -314,6 +314,40 @@ TEST(Patch, ACapsuleThatStandsOutOfAFaceBearsAtItsEdges) {
   }
 }
 
+// No direction parts them sooner than the normal: along n they are apart by |n . p| - h |n . u| - |Rn| . half - r.
+TEST(Patch, ACapsuleThatPiercesABoxIsAsDeepAsTheShortestWayOut) {
+  std::mt19937 random(6);
+  std::uniform_real_distribution<double> u(-1, 1);
+  const Capsule capsule{0.004, 0.08};
+  for (int i = 0; i < 200; ++i) {
+    SCOPED_TRACE(i);
+    const Vector3 half(0.5, 0.4, i % 2 == 0 ? 0.002 : 0.05);
+    const bool upright = i < 20;
+    const RigidTransform X =
+        upright ? At(0.3 * u(random), 0.3 * u(random), 0.07 * u(random))
+                : RigidTransform(ExpRotation(2 * Vector3(u(random), u(random), u(random))),
+                                 Vector3(0.3 * u(random), 0.3 * u(random), half.z() * u(random)));
+    const auto contacts = Contacts({Moving(capsule, X), Moving(Box{half})});
+    ASSERT_FALSE(contacts.empty());
+    const ContactPoint& deepest = *std::min_element(
+        contacts.begin(), contacts.end(), [](const auto& a, const auto& b) { return a.gap < b.gap; });
+    const auto apart = [&](const Vector3& n) {
+      return std::abs(n.dot(X.translation())) - capsule.half_length * std::abs(n.dot(X.rotation().col(2))) -
+             n.cwiseAbs().dot(half) - capsule.radius;
+    };
+    const Vector3 n = deepest.frame.row(0), p = deepest.point;
+    EXPECT_NEAR(deepest.gap, apart(n), 1e-12);
+    for (int k = 0; k < 500; ++k)
+      EXPECT_LE(apart(Vector3(u(random), u(random), u(random)).normalized()), deepest.gap + 1e-12);
+    // Where both surfaces are: half of the gap off the box, and off the capsule.
+    const Vector3 on_box = p + (deepest.body_a == 0 ? 0.5 : -0.5) * deepest.gap * n;
+    EXPECT_LT((on_box.cwiseAbs() - half).maxCoeff(), 1e-9);
+    const Vector3 on_rod = X.inverse() * Vector3(p - (deepest.body_a == 0 ? 0.5 : -0.5) * deepest.gap * n);
+    const Vector3 on_axis(0, 0, std::clamp(on_rod.z(), -capsule.half_length, capsule.half_length));
+    EXPECT_NEAR((on_rod - on_axis).norm(), capsule.radius, 1e-9);
+  }
+}
+
 TEST(Patch, OnePointWhereOneIsAskedFor) {
   EXPECT_EQ(Contacts({Moving(Box{Vector3(0.2, 0.2, 0.1)}, At(0, 0, -0.1)),
                       Moving(Box{Vector3(0.05, 0.05, 0.05)}, At(0, 0, 0.0495))},

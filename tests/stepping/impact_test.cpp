@@ -151,6 +151,23 @@ TEST(Impact, MotionByMoreThanHalfOfTheInnerRadiiMayHavePassedTheOther) {
   }
 }
 
+// Turned over within a stage, what touches at its end overlapped along the normal at its start.
+TEST(Impact, PointsThatOverlappedByMoreThanHalfOfTheInnerRadiiHavePassed) {
+  for (const double moved : {1.49, 1.51}) {  // of 3 m
+    OneContact c;
+    c.detection.collision_bodies.resize(2);
+    c.detection.collision_bodies[1].kind = CollisionBody::Kind::kFreeBody;
+    c.detection.points[0].frame.row(0) = -Vector3::UnitZ();
+    c.detection.poses = c.detection.stage_start_poses = {RigidTransform(), RigidTransform()};
+    c.detection.stage_start_poses[1].translation().z() = moved;
+    c.approaches.pose_gaps = {0};
+    c.detection.motion.in_world[1] = moved;
+    EXPECT_EQ(Found(FindPassed(c.At())), moved > 1.5) << moved;
+    c.detection.points[0].frame.row(0) = Vector3::UnitZ();
+    EXPECT_FALSE(Found(FindPassed(c.At())));
+  }
+}
+
 // The predicted pose shows another face than the one that was met, if along its normal the pair overlaps at the base
 // point already.
 TEST(Impact, WhatOverlappedAlongTheNormalCameThroughAnotherFace) {
