@@ -130,6 +130,26 @@ void AssembleStops(const Bodies& bodies, const StageAtHand& stage, const StepOpt
       [&](std::size_t i) { FillStops(i, bodies.mechanisms[i], stage, options, stops[i], approaches, rows); });
 }
 
+// A tendon that is shortest where it is still too long has a row that vanishes there: at any speed that it is drawn in
+// at, the joints run ever faster towards that pose and past it. A push by at most the momentum of the whole mechanism at
+// that speed ends there, as the speed falls with the inverse mass of the row.
+void BoundRecoveryMomentum(const Bodies& bodies, ConstraintRows& rows) {
+  for (std::size_t i = 0; i < bodies.mechanisms.size(); ++i) {
+    const MechanismDynamics& m = bodies.mechanisms[i];
+    std::size_t next = rows.mechanisms[i].first_limit;
+    for (const PartRows& part : rows.mechanisms[i].parts) {
+      for (std::size_t k = 0; k < part.limits.size(); ++k) {
+        LimitConstraint& limit = rows.limits[next++];
+        const auto at = static_cast<std::size_t>(part.limits[k] / 2);
+        if (!(limit.bias < 0) || m.length_limits()[at].length.path < 0 || part.Y.rows() == 0) continue;
+        const double inverse_mass = part.Y.col(part.LimitRow(k)).squaredNorm();
+        limit.bias *= std::min(1.0, m.mechanism().total_mass() * inverse_mass);
+      }
+      next += part.frictions.size();
+    }
+  }
+}
+
 void Rebound(const Detection& detection, const Approaches& approaches, double h, ConstraintRows& rows) {
   for (std::size_t i = 0; i < detection.points.size(); ++i) {
     if (approaches.rebound[i] == 0) continue;

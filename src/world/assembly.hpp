@@ -21,6 +21,8 @@ void AssembleContacts(const StageAtHand& stage, const StepOptions& options, cons
 /// Rows of the stops and dry frictions that take part.
 void AssembleStops(const Bodies& bodies, const StageAtHand& stage, const StepOptions& options,
                    const std::vector<StopHistory>& stops, Approaches& approaches, ConstraintRows& rows);
+/// After AssembleOperators: bounds the speed at which tendons beyond their stops are pushed back.
+void BoundRecoveryMomentum(const Bodies& bodies, ConstraintRows& rows);
 /// What is met within the step and has restitution parts again, once the free motion is known.
 void Rebound(const Detection& detection, const Approaches& approaches, double h, ConstraintRows& rows);
 /// Stops and dry friction start from the forces that they bore: impulses times the ratio of lengths of steps.

@@ -18,7 +18,10 @@ void World::Detail::SolveContacts(const StepOptions& options, StepReport& report
     AssembleOperators(bodies_, detection_, rows_);
     ApplyPulls(rows_);
     EliminateClosures(rows_);
-    if (starts) Rebound(detection_, approaches_, options.h, rows_);
+    if (starts) {
+      Rebound(detection_, approaches_, options.h, rows_);
+      BoundRecoveryMomentum(bodies_, rows_);
+    }
     starts = false;
     report.solver =
         solver_.Solve(rows_.blocks, rows_.contacts, rows_.limits, rows_.velocities, options.contact);

@@ -1,6 +1,7 @@
 // Stops of joints where loops have a say.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <random>
 
 #include "support.hpp"
@@ -77,6 +78,59 @@ TEST(Stops, OfAMechanismThatCannotMove) {
     EXPECT_TRUE(report.finite);
     EXPECT_EQ(report.limits, 0);
   }
+}
+
+// Two rods on hinges that a rope 1.3 m too long in every pose draws upright, where the row of its stop vanishes.
+TEST(Stops, OfATendonThatNoPoseSatisfiesLeaveItStillAtItsShortest) {
+  for (const double damping : {0.0, 0.05})
+    for (const double h : {1.0 / 240, 1.0 / 60}) {
+      SCOPED_TRACE("damping " + std::to_string(damping) + ", h " + std::to_string(h));
+      MechanismBuilder builder("arm");
+      BodyIndex parent = builder.base();
+      for (const char* name : {"upper", "lower"}) {
+        BodyDef rod;
+        rod.name = name;
+        rod.parent = parent;
+        rod.X_PB = RigidTransform(Vector3(parent == builder.base() ? 0 : 0.3, 0, 0));
+        rod.inertia = testing::Rod(1, 0.3);
+        parent = builder.AddBody(rod);
+        builder.AddJoint(JointDef::Hinge(name, parent, Vector3::UnitY()).WithSpring(0, damping));
+      }
+      builder.SetInterfaces({"lower"});
+      MechanismDef def = builder.definition();
+      PathElementDef top, end;
+      top.body = builder.base();
+      top.X_BE = RigidTransform(Vector3(0, 0, 2));
+      end.body = parent;
+      end.X_BE = RigidTransform(Vector3(0.3, 0, 0));
+      def.paths.push_back({"rope", {top, end}});
+      LengthLimitDef rope;
+      rope.name = "rope";
+      rope.along = {0, 1};
+      rope.upper = 0.1 - std::hypot(2, 0.6);  // beyond the start's
+      def.length_limits.push_back(rope);
+      World world = testing::MustCreate(def);
+      const auto energy = [&] { return world.KineticEnergy() + world.PotentialEnergy(testing::kDown); };
+      const double lift = 2 * 9.81 * 0.6;  // J: more than it takes to raise both
+      double before = energy(), pull = 0;
+      const double start = before;
+      const int steps = static_cast<int>(std::lround(20 / h));
+      for (int i = 0; i < steps; ++i) {
+        const StepReport report = world.Step(testing::TwoStage(h, testing::kDown));
+        ASSERT_TRUE(report.finite) << i;
+        // At most 2 kg at 0.1 m/s against the weights' 20 N and what holds the swing.
+        if (damping > 0) {
+          EXPECT_LT(energy() - before, 100 * 0.1 * h) << i;
+        }
+        before = energy();
+        if (i > steps / 2) pull = std::max(pull, world.StopImpulses(0)[1] / h);
+      }
+      EXPECT_LT(energy(), start + lift);
+      if (damping == 0) continue;  // swings on
+      EXPECT_LT(pull, 1e3);
+      EXPECT_LT(world.KineticEnergy(), 1e-8);
+      EXPECT_NEAR(world.mechanisms()[0].BodyPose(parent).translation().z(), 0.3, 1e-4);
+    }
 }
 
 }  // namespace
