@@ -1,6 +1,8 @@
 """What a model says before anything moves, against closed forms and against MuJoCo."""
 
 import pickle
+import struct
+import zlib
 
 import mujoco
 import numpy as np
@@ -162,6 +164,84 @@ def test_a_mujoco_model_with_plugins_is_read_by_their_names():
     assert expected == {"j": 6}
     assert fork1s.load(mujoco.MjSpec.from_string(text)).stiffnesses == expected
     assert fork1s.load(mujoco.MjModel.from_xml_string(text)).stiffnesses == expected
+
+
+def _mounted_part(folder, name, meshes, size):
+    """A file whose body bears a mesh and stands on a height field, in a folder of its own."""
+    (folder / name / meshes).mkdir(parents=True)
+    files = {
+        "part.obj": f"v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nv 0 0 {size}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n".encode(),
+        "ground.bin": struct.pack("<2i9f", 3, 3, *[0, size, 2 * size] * 3),
+        "paint.png": _grey_png(),
+    }
+    for file, content in files.items():
+        (folder / name / meshes / file).write_bytes(content)
+    text = f"""<mujoco model="{name}"><compiler meshdir="{meshes}" texturedir="{meshes}"/><asset><mesh file="part.obj"/>
+      <hfield name="ground" file="ground.bin" size="1 1 {size} .1"/><texture name="paint" type="2d" file="paint.png"/>
+      <texture name="faces" type="cube" fileright="paint.png" fileleft="paint.png"/><material name="paint" texture="paint"/>
+      <material name="faces" texture="faces"/></asset>
+      <worldbody><geom type="hfield" hfield="ground" pos="9 0 0"/><body name="part"><joint name="hinge" stiffness="1"/>
+      <geom type="mesh" mesh="part" material="paint"/><site name="flange"/></body></worldbody></mujoco>"""
+    (folder / name / "model.xml").write_text(text)
+    return folder / name / "model.xml", text, files
+
+
+def _grey_png():
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">2I5B", 4, 4, 8, 0, 0, 0, 0)
+    pixels = zlib.compress(b"\0\x80\x80\x80\x80" * 4)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("how", ["file", "assets", "assets with folders", "nested", "in XML"])
+def test_an_mjspec_with_attached_models_is_read(tmp_path, how):
+    """Files of one name in two folders: MuJoCo writes names alone, and each is found where MuJoCo found it."""
+    (path, text, files), (_, child_text, child_files) = (
+        _mounted_part(tmp_path, "base", "assets", 1),
+        _mounted_part(tmp_path, "arm", "meshes", 2),
+    )
+    folder = "with folders" in how
+    if "assets" in how:
+        spec = mujoco.MjSpec.from_string(
+            text, assets={("assets/" if folder else "") + name: content for name, content in files.items()}
+        )
+        child = mujoco.MjSpec.from_string(
+            child_text,
+            assets={("meshes/" if folder else "") + name: content for name, content in child_files.items()},
+        )
+    else:
+        spec = mujoco.MjSpec.from_file(str(path))
+        child = mujoco.MjSpec.from_file(str(tmp_path / "arm" / "model.xml"))
+    if how == "in XML":
+        text = text.replace("<asset>", '<asset><model name="arm" file="../arm/model.xml"/>').replace(
+            "</worldbody>",
+            '<replicate count="2" offset="0 0 1"><frame><attach model="arm" body="part" prefix="arm_"/></frame></replicate>'
+            "</worldbody>",
+        )
+        path.write_text(text)
+        spec = mujoco.MjSpec.from_file(str(path))
+    elif "assets" in how:  # attach_body does not take assets along
+        spec.attach(child, prefix="arm_", frame=spec.worldbody.add_frame(pos=[0, 0, 1]))
+    else:
+        spec.body("part").add_frame(pos=[0, 0, 1]).attach_body(child.body("part"), "arm_", "")
+    if how == "nested":
+        outer = mujoco.MjSpec()
+        outer.attach(spec, prefix="cell_", frame=outer.worldbody.add_frame())
+        spec = outer
+    compiled = spec.compile()
+    model = fork1s.load(spec)
+    masses = sorted(mechanism.mass for mechanism in model.mechanisms)
+    roots = [i for i in range(1, compiled.nbody) if compiled.body_parentid[i] == 0]
+    assert_allclose(masses, sorted(compiled.body_subtreemass[roots]), rtol=1e-9)
+    assert max(compiled.body_mass) == pytest.approx(8 * 1000 / 6)
+    if how == "in XML":
+        again = fork1s.load(mujoco.MjModel.from_xml_path(str(path)))
+        assert sorted(mechanism.mass for mechanism in again.mechanisms) == pytest.approx(masses)
+    elif mujoco.mj_versionString() != fork1s.mujoco_version:
+        with pytest.raises(fork1s.UsageError, match="load the MjSpec that it was compiled from"):
+            fork1s.load(compiled)
 
 
 def test_start_and_gains(scenes):

@@ -68,7 +68,7 @@ def load(
         source: a path; text that begins with `<`; or what MuJoCo has compiled or is about to. A MuJoCo model is only
             read, and what was changed in it since it was compiled counts. The package mujoco may be of another version
             than `fork1s.mujoco_version`: its models are then read from the XML that it writes, which it can do of a
-            specification whose assets are files, and of the model that it read last. All others are refused.
+            specification, with attached ones, and of the model that it read last. All others are refused.
         interface: names of the bodies that may touch the world; replaces what the file says.
         switched: names of welds and connects that the file starts active and a control of their name switches, 1 at
             the start; replaces what the file says.
