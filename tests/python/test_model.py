@@ -244,6 +244,27 @@ def test_an_mjspec_with_attached_models_is_read(tmp_path, how):
             fork1s.load(compiled)
 
 
+def test_base_pose_by_roll_pitch_and_yaw(scenes):
+    """As URDF: about the fixed axes x, y and z, one after the other; and as the command line reads it."""
+    roll, pitch, yaw = 0.3, -0.5, 1.2
+    x, y, z = (
+        np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]),
+        np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]),
+        np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]),
+    )
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = z @ y @ x, [1, 2, 0.7]
+    path = scenes / "quadruped.xml"
+    by_angles = fork1s.Simulation(fork1s.load(path, base_pose=[1, 2, 0.7, roll, pitch, yaw]))
+    by_matrix = fork1s.Simulation(fork1s.load(path, base_pose=pose))
+    base = by_angles.model.mechanisms[0].bodies[0]
+    assert_allclose(by_angles.pose(base), by_matrix.pose(base), atol=1e-14)
+    with pytest.raises(ValueError, match="6 .position, roll, pitch and yaw.*not an array of shape .5,."):
+        fork1s.load(path, base_pose=[0, 0, 1, 0, 0])
+    with pytest.raises(ValueError, match="base_pose must be finite, and entry 5"):
+        fork1s.load(path, base_pose=[0, 0, 1, 0, 0, np.nan])
+
+
 def test_start_and_gains(scenes):
     start = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.5})
     assert_allclose(fork1s.Simulation(start).qpos, [0, 0.5])

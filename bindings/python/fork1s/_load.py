@@ -82,7 +82,8 @@ def load(
             or m from the start, in place of its control. Or a mapping from joint names to gains on top of whatever
             holds them, motors included.
         keyframe: name of the initial state; default: the file's reference pose.
-        base_pose: where the base starts, world frame: (3,) m, (7,) with a quaternion w x y z, or (4, 4).
+        base_pose: where the base starts, world frame: (3,) m, (6,) with roll, pitch and yaw in rad as `--base-pose` of
+            the command line has them, (7,) with a quaternion w x y z, or (4, 4).
         q: joint name to where it starts, rad or m.
         keep_start: joints that the file, `keyframe` or `q` starts outside their limits start there;
             default: at the nearest value inside.
