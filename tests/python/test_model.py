@@ -271,6 +271,8 @@ def test_start_and_gains(scenes):
     held = fork1s.load(scenes / "two_link_arm.xml", pd={"elbow": (300, 2)})
     # The elbow's spring and gains are side by side: 400 N·m/rad turns the forearm alone.
     assert_allclose(held.compliance("forearm")[2, 2], 1 / 100 + 1 / 400, rtol=1e-12)
+    everything = fork1s.load(scenes / "two_link_arm.xml", pd={"all": (300, 2)})
+    assert_allclose(everything.compliance("forearm")[2, 2], 2 / 400, rtol=1e-12)
     stiff = fork1s.load(scenes / "two_link_arm.xml", stiffness_scale=9)
     assert_allclose(stiff.frequencies, 3 * fork1s.load(scenes / "two_link_arm.xml").frequencies, rtol=1e-12)
 

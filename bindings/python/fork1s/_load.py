@@ -80,7 +80,7 @@ def load(
         pd: gains (kp, kv) in N·m/rad and N·m·s/rad (N/m, N·s/m) that hold joints without a spring or position servo;
             where a mechanism has motors, only the joints that they drive: each motor gives way to a set-point in rad
             or m from the start, in place of its control. Or a mapping from joint names to gains on top of whatever
-            holds them, motors included.
+            holds them, motors included; the name 'all' stands for every joint that has no gains of its own.
         keyframe: name of the initial state; default: the file's reference pose.
         base_pose: where the base starts, world frame: (3,) m, (6,) with roll, pitch and yaw in rad as `--base-pose` of
             the command line has them, (7,) with a quaternion w x y z, or (4, 4).
