@@ -131,7 +131,8 @@ void ModelArguments::AddTo(CLI::App& command) {
           "spring or position servo. Where a mechanism has motors, for the joints that they drive alone: "
           "each motor gives way to a set-point, and its control is an angle or length from the start; "
           "NAME=KP,KV: for one joint, in place of those, and on top of a "
-          "spring or actuator that it has (may be repeated)")
+          "spring or actuator that it has (may be repeated); all=KP,KV: the same for every joint without "
+          "gains of its own")
       ->take_all()
       ->allow_extra_args(false);  // the model may come next
   command.add_option("--keyframe", keyframe, "named initial state of the file");

@@ -66,7 +66,7 @@ typedef struct fork1s_snapshot fork1s_snapshot;
  *   "mode_choice": "lowest" | "contribution"                           likewise
  *   "stiffness_scale": X         multiplies every joint spring, its damper by the square root
  *   "pd": [KP, KV]               gains of joints that nothing holds
- *   "joint_pd": {"JOINT": [KP, KV], ...}  of single joints, on top of what holds them
+ *   "joint_pd": {"JOINT": [KP, KV], ...}  of single joints, on top of what holds them; "all": of every other
  *   "keyframe": "NAME"           initial state of the file
  *   "base_pose": [X, Y, Z] or [X, Y, Z, QW, QX, QY, QZ]  where the base starts
  *   "q": {"JOINT": VALUE, ...}   where joints start

@@ -11,6 +11,19 @@
 namespace fork1s::internal {
 namespace {
 
+// Stands for every hinge, slide and ball joint without gains of its own, unless a joint has that name.
+constexpr const char* kAllJoints = "all";
+
+bool NamesAllJoints(const Conversion& c, const std::string& name) {
+  return name == kAllJoints &&
+         std::find(c.joint_names.begin(), c.joint_names.end(), name) == c.joint_names.end();
+}
+
+bool HasOwnGains(const Conversion& c, int dof, const std::map<std::string, PdGains>& named) {
+  return named.count(c.joint_names[c.m.dof_jntid[dof]]) > 0 ||
+         (named.count(kAllJoints) > 0 && NamesAllJoints(c, kAllJoints));
+}
+
 std::optional<Error> CheckGains(const std::string& where, const PdGains& gains) {
   if (std::isfinite(gains.kp) && std::isfinite(gains.kv) && gains.kp >= 0 && gains.kv >= 0)
     return std::nullopt;
@@ -99,6 +112,28 @@ bool IsUnrestrained(const Conversion& c, int dof) {
   return !free && c.k[dof] == 0 && !c.in_spring[dof] && !c.coupled[dof];
 }
 
+// Joints with a spring of their own and no position servo, which `gains` of a mechanism leave as they are.
+std::vector<std::string> SkippedForTheirSpring(const Conversion& c, int mechanism,
+                                               const std::vector<int>& motors,
+                                               const std::map<std::string, PdGains>& named) {
+  std::vector<std::string> skipped;
+  for (int dof = 0; dof < c.m.nv; ++dof) {
+    const int joint = c.m.dof_jntid[dof];
+    if (c.MechanismOf(dof) != mechanism || c.m.jnt_type[joint] == mjJNT_FREE ||
+        !(c.m.jnt_stiffness[joint] > 0))
+      continue;
+    if (!motors.empty() && std::find(motors.begin(), motors.end(), dof) == motors.end()) continue;
+    if (HasOwnGains(c, dof, named)) continue;
+    const auto& sources = c.controls[mechanism];
+    if (std::any_of(sources.begin(), sources.end(), [&](const ControlSource& s) {
+          return !s.motor && std::find(s.dofs.begin(), s.dofs.end(), dof) != s.dofs.end();
+        }))
+      continue;
+    skipped.push_back(c.DofName(dof));
+  }
+  return skipped;
+}
+
 // Motors say which joints are driven. Without them, all that nothing holds, unless loops do the holding.
 // Joints in `named` have gains of their own, which take the place of `gains` and of their motors.
 void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
@@ -108,7 +143,7 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
   if (motors.empty() && !c.scene.mechanisms[mechanism].closures.empty()) {
     c.Note(ImportNote::Kind::kChosen, where,
            "it has loops and no motors, so pd cannot tell driven joints from passive ones and holds none; "
-           "name them with joint-pd");
+           "name them with joint-pd, JOINT=KP,KV, or all joints, all=KP,KV");
     return;
   }
   std::vector<int> dofs;
@@ -116,6 +151,15 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
     if (c.MechanismOf(dof) != mechanism || !IsUnrestrained(c, dof)) continue;
     if (!motors.empty() && std::find(motors.begin(), motors.end(), dof) == motors.end()) continue;
     dofs.push_back(dof);
+  }
+  const std::vector<std::string> skipped = SkippedForTheirSpring(c, mechanism, motors, named);
+  if (!skipped.empty()) {
+    c.Note(
+        ImportNote::Kind::kChosen, where,
+        fmt::format(
+            "pd holds none of {}, which {} a spring; gains of all=KP,KV hold every joint beside its spring, "
+            "JOINT=KP,KV one",
+            Quoted(skipped, 24), skipped.size() == 1 ? "has" : "have"));
   }
   std::vector<std::string> replaced;
   for (std::size_t i = c.controls[mechanism].size(); i-- > 0;) {
@@ -127,7 +171,7 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
   }
   std::vector<std::string> held;
   for (int dof : dofs) {
-    if (named.count(c.joint_names[c.m.dof_jntid[dof]]) > 0) continue;
+    if (HasOwnGains(c, dof, named)) continue;
     Hold(c, dof, gains);
     held.push_back(c.DofName(dof));
   }
@@ -138,6 +182,14 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
   if (!replaced.empty()) {
     c.Note(ImportNote::Kind::kChanged, where,
            fmt::format("{} motors became targets of PD control: {}", replaced.size(), Quoted(replaced, 24)));
+  }
+}
+
+void HoldAll(Conversion& c, const PdGains& gains, const std::map<std::string, PdGains>& named) {
+  for (int dof = 0; dof < c.m.nv; ++dof) {
+    const int joint = c.m.dof_jntid[dof];
+    if (c.joint[joint].mechanism < 0 || c.m.jnt_type[joint] == mjJNT_FREE) continue;
+    if (named.count(c.joint_names[joint]) == 0) Hold(c, dof, gains);
   }
 }
 
@@ -152,6 +204,10 @@ std::optional<Error> ApplyPd(Conversion& c, const ImportOptions& options) {
   for (const auto& [name, gains] : options.joint_pd) {
     const std::string where = fmt::format("option joint-pd '{}'", name);
     if (auto error = CheckGains(where, gains)) return error;
+    if (NamesAllJoints(c, name)) {
+      HoldAll(c, gains, options.joint_pd);
+      continue;
+    }
     std::vector<std::string> known;
     int first = -1, count = 0;
     const auto offer = [&](const std::string& joint, int dof, int size) {

@@ -173,6 +173,11 @@ SensorDef SubtreeSensor(const Conversion& c, SensorDef s, SensorKind kind, int b
   return s;
 }
 
+bool IsNamedWeldOrConnect(const Conversion& c, const std::string& name) {
+  const int e = mj_name2id(&c.m, mjOBJ_EQUALITY, name.c_str());
+  return e >= 0 && (c.m.eq_type[e] == mjEQ_WELD || c.m.eq_type[e] == mjEQ_CONNECT);
+}
+
 // The force between a body and what carries it.
 SensorDef CutSensor(const Conversion& c, SensorDef s, SensorKind kind, int i) {
   const int body = c.m.site_bodyid[c.m.sensor_objid[i]];
@@ -187,10 +192,20 @@ SensorDef CutSensor(const Conversion& c, SensorDef s, SensorKind kind, int i) {
                        [&](const SensorBody& of) { return of.body == b; });
   };
   const MechanismDef& mechanism = c.scene.mechanisms[static_cast<std::size_t>(s.frame.body.mechanism)];
-  for (const ClosureDef& closure : mechanism.closures)
-    if (is_inside(closure.body_a) != is_inside(closure.body_b))
-      return Unknown(std::move(s), fmt::format("'{}' closes a loop over its body", closure.name));
-  return s;
+  std::vector<std::string> loops;
+  bool can_switch = true;
+  for (const ClosureDef& closure : mechanism.closures) {
+    if (is_inside(closure.body_a) == is_inside(closure.body_b)) continue;
+    loops.push_back(closure.name);
+    can_switch = can_switch && IsNamedWeldOrConnect(c, closure.name);
+  }
+  if (loops.empty()) return s;
+  return Unknown(
+      std::move(s),
+      fmt::format("{} close{} a loop over its body{}", Quoted(loops, 8), loops.size() == 1 ? "s" : "",
+                  can_switch
+                      ? fmt::format(" (the option switched={} gives it a value)", fmt::join(loops, ","))
+                      : ""));
 }
 
 // With the volume of a site.

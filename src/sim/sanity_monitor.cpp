@@ -218,16 +218,23 @@ void SanityMonitor::CheckSinking(const Simulation& simulation) {
   for (const auto& [key, pair] : pairs_) {
     if (!pair.sunk_since || simulation.time() - *pair.sunk_since < kLasting) continue;
     const double size = DiameterOf(key);
-    Note(kSunk, pair.depth / (kSunken * size),
-         [&, a = key.first, b = key.second, depth = pair.depth, since = *pair.sunk_since] {
-           return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
-                  Print("%.3g mm into ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
-                  Print(", for %.2g s, and the smaller of the two has a size of %.3g mm: ",
-                        simulation.time() - since, 1e3 * size, 0) +
-                  RemedyFor(simulation, a, b,
-                            "the contact does not carry what presses on it; bring their masses closer "
-                            "together, or press less");
-         });
+    Note(
+        kSunk, pair.depth / (kSunken * size),
+        [&, a = key.first, b = key.second, depth = pair.depth, since = *pair.sunk_since,
+         overlap = pair.overlap] {
+          const std::string remedy =
+              overlap > kSunken * size
+                  ? Print(
+                        "they overlap by %.3g mm at the start; place them apart at the start, or exclude the pair",
+                        1e3 * overlap, 0, 0)
+                  : "the contact does not carry what presses on it; bring their masses closer together, or press "
+                    "less";
+          return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
+                 Print("%.3g mm into ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
+                 Print(", for %.2g s, and the smaller of the two has a size of %.3g mm: ",
+                       simulation.time() - since, 1e3 * size, 0) +
+                 RemedyFor(simulation, a, b, remedy.c_str());
+        });
   }
 }
 

@@ -1,6 +1,7 @@
 // Pages that a reader follows word by word: their files are written, their commands run in order in one
 // folder, and every line of output that they show is said today, but for what a clock said.
 #include <cmath>
+#include <optional>
 #include <regex>
 #include <string>
 #include <vector>
@@ -145,6 +146,84 @@ TEST(Docs, EveryKeyOfJsonHasARowInItsTable) {
       if (json["mechanisms"][0].contains("gain")) check(json["mechanisms"][0]["gain"], "gain");
     }
   }
+}
+
+// Cells of a row of a table: the first is what the row is of.
+std::vector<std::string> CellsOf(const std::string& line) {
+  std::vector<std::string> cells;
+  std::stringstream text(line.substr(1));
+  for (std::string cell; std::getline(text, cell, '|');) {
+    const std::size_t begin = cell.find_first_not_of(' ');
+    cells.push_back(begin == std::string::npos ? ""
+                                               : cell.substr(begin, cell.find_last_not_of(' ') + 1 - begin));
+  }
+  return cells;
+}
+
+// What a row of a scene's table says, in its unit, as the run has it.
+std::optional<double> FigureOf(const std::string& row, const nlohmann::json& run) {
+  const auto begins = [&](const char* text) { return row.rfind(text, 0) == 0; };
+  if (begins("contacts at most")) return run["contacts_max"].get<double>();
+  if (begins("penetration at most")) return 1e3 * run["penetration_max_m"].get<double>();
+  if (begins("loop gap at most") || begins("joint gap at most"))
+    return 1e3 * run["joint_gap_max_m"].get<double>();
+  if (begins("steps not converged")) return run["unconverged_steps"].get<double>();
+  if (begins("steps halved for an impact")) return run["halved_steps"]["impact"].get<double>();
+  if (begins("refreshes")) return run["refreshes"].get<double>();
+  if (begins("load factor at least") && run["load_factor_min"].is_number())
+    return run["load_factor_min"].get<double>();
+  return std::nullopt;
+}
+
+// Tables of scenes beside the first command above them. Processors round otherwise, and heaps, gaits and blows
+// multiply that: counts may be off by a tenth and two, lengths and load factors by a fifth, gaps by a half.
+TEST(Docs, TablesOfScenesSayWhatTheirCommandsSay) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "ten seconds of runs without a sanitizer, and other digits with one";
+#endif
+  const std::filesystem::path source = FORK1S_SOURCE_DIR;
+  int tables = 0, figures = 0;
+  for (const auto& page : std::filesystem::directory_iterator(source / "docs" / "scenes")) {
+    if (page.path().extension() != ".md") continue;
+    std::string command;
+    std::vector<nlohmann::json> runs;  // a column each, empty of columns that are of something else
+    std::stringstream text(Slurp(page.path()));
+    for (std::string line; std::getline(text, line);) {
+      if (command.empty() && line.rfind("    fork1s run scenes/", 0) == 0) command = line.substr(11);
+      if (line.empty() || line[0] != '|') {
+        runs.clear();
+        continue;
+      }
+      const std::vector<std::string> cells = CellsOf(line);
+      if (cells.size() > 1 && cells[1] == "own stiffness") {
+        ASSERT_FALSE(command.empty()) << page.path();
+        ++tables;
+        for (std::size_t i = 1; i < cells.size(); ++i) {
+          const std::string scale =
+              cells[i].rfind("x ", 0) == 0 ? " --stiffness-scale " + cells[i].substr(2) : "";
+          const Outcome o =
+              Shell("cd '" + source.string() + "' && " + FORK1S_BINARY + " " + command + scale + " --json");
+          ASSERT_EQ(o.code, 0) << command << scale << "\n" << o.err;
+          runs.push_back(o.Json());
+        }
+        continue;
+      }
+      for (std::size_t i = 1; i < cells.size() && i <= runs.size(); ++i) {
+        const std::optional<double> now = FigureOf(cells[0], runs[i - 1]);
+        if (!now || cells[i].empty()) continue;
+        ++figures;
+        const double shown = std::stod(cells[i]);
+        const bool is_gap = cells[0].find("gap") != std::string::npos;
+        const bool is_count =
+            cells[i].find_first_not_of("0123456789") == std::string::npos && cells[0].rfind("load", 0) != 0;
+        const double allowed = is_count ? 2 + 0.1 * shown : is_gap ? 0.5 * shown : 0.2 * shown;
+        EXPECT_NEAR(shown, *now, allowed)
+            << page.path().filename() << ", '" << cells[0] << "', column " << i << " of fork1s " << command;
+      }
+    }
+  }
+  EXPECT_GE(tables, 9);
+  EXPECT_GE(figures, 60);
 }
 
 // FollowPage finds what is out of date: a line with another word or number is not what was said.

@@ -235,6 +235,8 @@ TEST(Pd, HelpSaysThatMotorsGiveWay) {
   EXPECT_EQ(all["holds"][1]["held_by"], "nothing");  // 'k' has no motor
   const auto one = Fork1s("inspect --json --pd j=100,2 " + arm).Json();
   EXPECT_EQ(one["mechanisms"][0]["controls"], nlohmann::json::array({"m", "j"}));
+  const auto every = Fork1s("inspect --json --pd all=100,2 " + arm).Json();
+  EXPECT_EQ(every["mechanisms"][0]["controls"], nlohmann::json::array({"m", "j", "k"}));
 }
 
 }  // namespace

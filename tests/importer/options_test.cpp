@@ -146,6 +146,47 @@ TEST(ImportOptionsTest, PdOfANamedJoint_ReplacesTheGeneralGainsAndItsMotor) {
   EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "holds 1 freedoms: 'a'"));
 }
 
+TEST(ImportOptionsTest, PdOfAllJoints_HoldsEachAsIfItWereNamed) {
+  const std::string arm = R"(<mujoco><worldbody><body name="root" pos="0 0 1"><freejoint/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="a" axis="0 1 0" stiffness="4"/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="b" axis="0 1 0"/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="c" type="ball"/><geom size=".1"/></body></body></body></body></worldbody>
+    <actuator><motor name="a" joint="a"/><motor name="b" joint="b"/></actuator></mujoco>)";
+  // Without: joint a has a spring of its own, and the note says what holds it too.
+  ImportOptions options;
+  options.pd = PdGains{30, 2};
+  const ImportedScene some = MustLoad(arm, options);
+  EXPECT_TRUE(HasNote(some.report, ImportNote::Kind::kChosen, "none of 'a', which has a spring"));
+  EXPECT_TRUE(HasNote(some.report, ImportNote::Kind::kChosen, "all=KP,KV"));
+
+  options.pd.reset();
+  options.joint_pd["all"] = {30, 2};
+  options.joint_pd["b"] = {500, 7};
+  const ImportedScene loaded = MustLoad(arm, options);
+  options.joint_pd = {{"a", {30, 2}}, {"b", {500, 7}}, {"c", {30, 2}}};
+  const ImportedScene named = MustLoad(arm, options);
+  const auto held = [](const ImportedScene& scene) {
+    std::map<std::string, std::string> out;
+    for (const auto& hold : scene.report.holds) out[hold.joint] = hold.held_by;
+    return out;
+  };
+  EXPECT_EQ(held(loaded), held(named));
+  EXPECT_EQ(held(loaded)["a"], "spring 4 N·m/rad, motor 'a', no stiffness, PD control kp 30 N·m/rad, kv 2");
+  EXPECT_EQ(loaded.scene.mechanisms[0].controls.size(), 7u);  // two motors, five targets
+  EXPECT_FALSE(HasNote(loaded.report, ImportNote::Kind::kChosen, "which has a spring"));
+
+  // A joint of that name is that joint.
+  const ImportedScene one = MustLoad(
+      R"(<mujoco><worldbody><body><joint name="all"/><geom size=".1"/><body><joint name="d"/><geom size=".1"/></body>
+    </body></worldbody></mujoco>)",
+      [] {
+        ImportOptions o;
+        o.joint_pd["all"] = {30, 2};
+        return o;
+      }());
+  EXPECT_EQ(one.scene.mechanisms[0].controls.size(), 1u);
+}
+
 TEST(ImportOptionsTest, PdHoldsAllUnsprungJointsWithoutMotors) {
   std::string text = kHand;
   text.replace(text.find("<actuator>"), text.find("</actuator>") + 11 - text.find("<actuator>"), "");

@@ -1,6 +1,8 @@
 """What a model says before anything moves, against closed forms and against MuJoCo."""
 
 import pickle
+import struct
+import zlib
 
 import mujoco
 import numpy as np
@@ -164,12 +166,113 @@ def test_a_mujoco_model_with_plugins_is_read_by_their_names():
     assert fork1s.load(mujoco.MjModel.from_xml_string(text)).stiffnesses == expected
 
 
+def _mounted_part(folder, name, meshes, size):
+    """A file whose body bears a mesh and stands on a height field, in a folder of its own."""
+    (folder / name / meshes).mkdir(parents=True)
+    files = {
+        "part.obj": f"v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nv 0 0 {size}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n".encode(),
+        "ground.bin": struct.pack("<2i9f", 3, 3, *[0, size, 2 * size] * 3),
+        "paint.png": _grey_png(),
+    }
+    for file, content in files.items():
+        (folder / name / meshes / file).write_bytes(content)
+    text = f"""<mujoco model="{name}"><compiler meshdir="{meshes}" texturedir="{meshes}"/><asset><mesh file="part.obj"/>
+      <hfield name="ground" file="ground.bin" size="1 1 {size} .1"/><texture name="paint" type="2d" file="paint.png"/>
+      <texture name="faces" type="cube" fileright="paint.png" fileleft="paint.png"/><material name="paint" texture="paint"/>
+      <material name="faces" texture="faces"/></asset>
+      <worldbody><geom type="hfield" hfield="ground" pos="9 0 0"/><body name="part"><joint name="hinge" stiffness="1"/>
+      <geom type="mesh" mesh="part" material="paint"/><site name="flange"/></body></worldbody></mujoco>"""
+    (folder / name / "model.xml").write_text(text)
+    return folder / name / "model.xml", text, files
+
+
+def _grey_png():
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">2I5B", 4, 4, 8, 0, 0, 0, 0)
+    pixels = zlib.compress(b"\0\x80\x80\x80\x80" * 4)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("how", ["file", "assets", "assets with folders", "nested", "in XML"])
+def test_an_mjspec_with_attached_models_is_read(tmp_path, how):
+    """Files of one name in two folders: MuJoCo writes names alone, and each is found where MuJoCo found it."""
+    (path, text, files), (_, child_text, child_files) = (
+        _mounted_part(tmp_path, "base", "assets", 1),
+        _mounted_part(tmp_path, "arm", "meshes", 2),
+    )
+    folder = "with folders" in how
+    if "assets" in how:
+        spec = mujoco.MjSpec.from_string(
+            text, assets={("assets/" if folder else "") + name: content for name, content in files.items()}
+        )
+        child = mujoco.MjSpec.from_string(
+            child_text,
+            assets={("meshes/" if folder else "") + name: content for name, content in child_files.items()},
+        )
+    else:
+        spec = mujoco.MjSpec.from_file(str(path))
+        child = mujoco.MjSpec.from_file(str(tmp_path / "arm" / "model.xml"))
+    if how == "in XML":
+        text = text.replace("<asset>", '<asset><model name="arm" file="../arm/model.xml"/>').replace(
+            "</worldbody>",
+            '<replicate count="2" offset="0 0 1"><frame><attach model="arm" body="part" prefix="arm_"/></frame></replicate>'
+            "</worldbody>",
+        )
+        path.write_text(text)
+        spec = mujoco.MjSpec.from_file(str(path))
+    elif "assets" in how:  # attach_body does not take assets along
+        spec.attach(child, prefix="arm_", frame=spec.worldbody.add_frame(pos=[0, 0, 1]))
+    else:
+        spec.body("part").add_frame(pos=[0, 0, 1]).attach_body(child.body("part"), "arm_", "")
+    if how == "nested":
+        outer = mujoco.MjSpec()
+        outer.attach(spec, prefix="cell_", frame=outer.worldbody.add_frame())
+        spec = outer
+    compiled = spec.compile()
+    model = fork1s.load(spec)
+    masses = sorted(mechanism.mass for mechanism in model.mechanisms)
+    roots = [i for i in range(1, compiled.nbody) if compiled.body_parentid[i] == 0]
+    assert_allclose(masses, sorted(compiled.body_subtreemass[roots]), rtol=1e-9)
+    assert max(compiled.body_mass) == pytest.approx(8 * 1000 / 6)
+    if how == "in XML":
+        again = fork1s.load(mujoco.MjModel.from_xml_path(str(path)))
+        assert sorted(mechanism.mass for mechanism in again.mechanisms) == pytest.approx(masses)
+    elif mujoco.mj_versionString() != fork1s.mujoco_version:
+        with pytest.raises(fork1s.UsageError, match="load the MjSpec that it was compiled from"):
+            fork1s.load(compiled)
+
+
+def test_base_pose_by_roll_pitch_and_yaw(scenes):
+    """As URDF: about the fixed axes x, y and z, one after the other; and as the command line reads it."""
+    roll, pitch, yaw = 0.3, -0.5, 1.2
+    x, y, z = (
+        np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]),
+        np.array([[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]),
+        np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]),
+    )
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = z @ y @ x, [1, 2, 0.7]
+    path = scenes / "quadruped.xml"
+    by_angles = fork1s.Simulation(fork1s.load(path, base_pose=[1, 2, 0.7, roll, pitch, yaw]))
+    by_matrix = fork1s.Simulation(fork1s.load(path, base_pose=pose))
+    base = by_angles.model.mechanisms[0].bodies[0]
+    assert_allclose(by_angles.pose(base), by_matrix.pose(base), atol=1e-14)
+    with pytest.raises(ValueError, match="6 .position, roll, pitch and yaw.*not an array of shape .5,."):
+        fork1s.load(path, base_pose=[0, 0, 1, 0, 0])
+    with pytest.raises(ValueError, match="base_pose must be finite, and entry 5"):
+        fork1s.load(path, base_pose=[0, 0, 1, 0, 0, np.nan])
+
+
 def test_start_and_gains(scenes):
     start = fork1s.load(scenes / "two_link_arm.xml", q={"elbow": 0.5})
     assert_allclose(fork1s.Simulation(start).qpos, [0, 0.5])
     held = fork1s.load(scenes / "two_link_arm.xml", pd={"elbow": (300, 2)})
     # The elbow's spring and gains are side by side: 400 N·m/rad turns the forearm alone.
     assert_allclose(held.compliance("forearm")[2, 2], 1 / 100 + 1 / 400, rtol=1e-12)
+    everything = fork1s.load(scenes / "two_link_arm.xml", pd={"all": (300, 2)})
+    assert_allclose(everything.compliance("forearm")[2, 2], 2 / 400, rtol=1e-12)
     stiff = fork1s.load(scenes / "two_link_arm.xml", stiffness_scale=9)
     assert_allclose(stiff.frequencies, 3 * fork1s.load(scenes / "two_link_arm.xml").frequencies, rtol=1e-12)
 

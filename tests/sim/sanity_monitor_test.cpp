@@ -74,6 +74,21 @@ TEST(Plausible, NamesWhatIsWedged) {
   EXPECT_NE(sentences.find("the world and 'flap' are wedged"), std::string::npos) << sentences;
 }
 
+// No mass and no load put it there: the remedy is another start.
+TEST(Plausible, WhatStartsInAnotherIsToldToStartApart) {
+  Scene scene = Cubes({{0, JointDef::Hinge("flap", BodyIndex(1), Vector3::UnitY())}});
+  scene.world.push_back(Cube("wall", 0.05, Vector3(0, 0.09, 0)));
+  const std::string sentences = Watched(scene, 12);
+  EXPECT_EQ(sentences.find("bring their masses"), std::string::npos) << sentences;
+  const auto sunk = sentences.find("'flap' is 10 mm into the world");
+  ASSERT_NE(sunk, std::string::npos) << sentences;
+  EXPECT_NE(
+      sentences.find("they overlap by 10 mm at the start; place them apart at the start, or exclude the pair",
+                     sunk),
+      std::string::npos)
+      << sentences;
+}
+
 // A spring that could part them and does not: 1e7 N on 0.1 kg.
 TEST(Plausible, NamesWhatBearsAMillionTimesItsWeight) {
   Scene scene = Cubes({{0, JointDef::Slide("press", BodyIndex(1), Vector3::UnitY()).WithSpring(1e9, 1e6)}});

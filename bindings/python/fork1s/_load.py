@@ -68,7 +68,7 @@ def load(
         source: a path; text that begins with `<`; or what MuJoCo has compiled or is about to. A MuJoCo model is only
             read, and what was changed in it since it was compiled counts. The package mujoco may be of another version
             than `fork1s.mujoco_version`: its models are then read from the XML that it writes, which it can do of a
-            specification whose assets are files, and of the model that it read last. All others are refused.
+            specification, with attached ones, and of the model that it read last. All others are refused.
         interface: names of the bodies that may touch the world; replaces what the file says.
         switched: names of welds and connects that the file starts active and a control of their name switches, 1 at
             the start; replaces what the file says.
@@ -80,9 +80,10 @@ def load(
         pd: gains (kp, kv) in N·m/rad and N·m·s/rad (N/m, N·s/m) that hold joints without a spring or position servo;
             where a mechanism has motors, only the joints that they drive: each motor gives way to a set-point in rad
             or m from the start, in place of its control. Or a mapping from joint names to gains on top of whatever
-            holds them, motors included.
+            holds them, motors included; the name 'all' stands for every joint that has no gains of its own.
         keyframe: name of the initial state; default: the file's reference pose.
-        base_pose: where the base starts, world frame: (3,) m, (7,) with a quaternion w x y z, or (4, 4).
+        base_pose: where the base starts, world frame: (3,) m, (6,) with roll, pitch and yaw in rad as `--base-pose` of
+            the command line has them, (7,) with a quaternion w x y z, or (4, 4).
         q: joint name to where it starts, rad or m.
         keep_start: joints that the file, `keyframe` or `q` starts outside their limits start there;
             default: at the nearest value inside.

@@ -7,9 +7,12 @@ that their own version writes.
 
 from __future__ import annotations
 
+import atexit
 import ctypes
+import hashlib
 import os
 import re
+import shutil
 import sys
 import tempfile
 import threading
@@ -62,7 +65,7 @@ def readable(source: Any) -> Any:
     """A source as fork1s reads it: an `MjModel` of the same version and without plugins, or MJCF text."""
     if is_spec(source):
         model = source.compile()
-        return model if _same_layout(model) else _text_of_spec(source)
+        return model if _same_layout(model) else _text_of_spec(source, model)
     if is_model(source) and not _same_layout(source):
         return _text_of_model(source)
     return source
@@ -102,30 +105,80 @@ def _all_digits() -> Iterator[None]:
 _WRITING = threading.Lock()
 
 
-def _text_of_spec(spec: Any) -> str:
+def _text_of_spec(spec: Any, model: Any) -> str:
+    mujoco = sys.modules["mujoco"]
     with _all_digits():
         text = spec.to_xml()
     root = ElementTree.fromstring(text)
     base = Path(spec.modelfiledir or ".").absolute()
-    in_memory = set(spec.assets)
-    for element, folder in _files(root):
-        name = element.attrib["file"]
-        if in_memory & {name, os.path.basename(name), os.path.join(folder, name)}:
-            raise UsageError(
-                f"MjSpec of mujoco {_version()}: the file '{name}' is in its assets in memory, and fork1s, which reads by "
-                f"MuJoCo {_core.mujoco_version}, reads another version's models as XML with files; write the assets to files "
-                f"and load the path, or {_same_version()}"
-            )
-        element.set("file", os.path.normpath(base / folder / name))
+    for element, key, folder in _files(root):
+        name = element.attrib[key]
+        # As found when it was compiled: attached models have files in other folders, of which the XML says nothing.
+        found = _recorded_path(mujoco, model, element) if key == "file" else None
+        content = _content(spec.assets, found or os.path.join(folder, name))
+        if content is not None:
+            element.set(key, _stored(os.path.basename(name), content))
+        else:
+            element.set(key, os.path.abspath(found or base / folder / name))
+    _replace_lost_textures(root)
     return _without_folders(root)
+
+
+def _content(assets: Any, path: str) -> bytes | None:
+    """The content of a file among assets in memory, which MuJoCo finds by path or by the last part of it."""
+    by_name = {os.path.basename(key): key for key in assets}
+    key = path if path in assets else by_name.get(os.path.basename(path))
+    if key is None:
+        return None
+    content = assets[key]
+    return content.encode() if isinstance(content, str) else bytes(content)
+
+
+_STORED: list[tuple[int, str]] = []  # process and folder
+_STORING = threading.Lock()
+
+
+def stored_assets() -> str:
+    """The folder of assets that were in memory, which goes with the process; empty where there is none."""
+    return _STORED[-1][1] if _STORED else ""
+
+
+def _stored(name: str, content: bytes) -> str:
+    with _STORING:
+        if not _STORED or _STORED[-1][0] != os.getpid():
+            _STORED.append((os.getpid(), tempfile.mkdtemp(prefix="fork1s_assets_")))
+            atexit.register(_remove, *_STORED[-1])
+        folder = Path(_STORED[-1][1]) / hashlib.sha256(content).hexdigest()
+        if not (folder / name).exists():
+            folder.mkdir(exist_ok=True)
+            (folder / name).write_bytes(content)
+        return os.fspath(folder / name)
+
+
+def _remove(process: int, folder: str) -> None:
+    if process == os.getpid():  # not in a fork, which inherits it
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _replace_lost_textures(root: ElementTree.Element) -> None:
+    """Grey in place of files for the sides of a cube in other folders, which MuJoCo does not record."""
+    for texture in root.iter("texture"):
+        files = [texture.attrib[key] for key in _FILE_KEYS if texture.get(key)]
+        if all(os.path.exists(file) for file in files):
+            continue
+        for key in (*_FILE_KEYS, "gridsize", "gridlayout", "content_type"):
+            texture.attrib.pop(key, None)
+        height = "8" if texture.get("type") == "2d" else "48"
+        texture.attrib.update(builtin="flat", rgb1="0.5 0.5 0.5", width="8", height=height)
 
 
 def _text_of_model(model: Any) -> str:
     mujoco = sys.modules["mujoco"]
     refusal = (
         f"MjModel of mujoco {_version()}: fork1s reads by MuJoCo {_core.mujoco_version}, and a model of another version, or "
-        "one with plugins, from the XML that its own version writes. {why}. Load the path, the text or an MjSpec of the model, "
-        f"or {_same_version()}"
+        "one with plugins, from the XML that its own version writes. {why}. Load the path or the text of the model; of one that "
+        "a program has put together, load the MjSpec that it was compiled from, with what was changed in the MjModel since set "
+        f"in the MjSpec. Or {_same_version()}"
     )
     with tempfile.TemporaryDirectory() as folder:
         file = os.path.join(folder, "model.xml")
@@ -138,8 +191,11 @@ def _text_of_model(model: Any) -> str:
             ) from error
         root = ElementTree.parse(file).getroot()
     try:
-        for element, _ in _files(root):
-            element.set("file", _recorded_path(mujoco, model, element))
+        for element, key, _ in _files(root):
+            found = _recorded_path(mujoco, model, element) if key == "file" else None
+            if found is not None:
+                element.set(key, os.path.abspath(found))
+        _replace_lost_textures(root)
         text = _without_folders(root)
         again = mujoco.MjModel.from_xml_string(text)
     except Exception as error:
@@ -155,14 +211,18 @@ def _text_of_model(model: Any) -> str:
     return text
 
 
-def _files(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:
-    """Elements of an XML model that name a file, and the folder that its compiler settings give."""
+_FILE_KEYS = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+
+
+def _files(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str, str]]:
+    """Elements of an XML model that name a file, by which attribute, and the folder of the compiler settings."""
     folders = {key: value for c in root.iter("compiler") for key, value in c.attrib.items()}
     mesh = folders.get("meshdir", folders.get("assetdir", ""))
     texture = folders.get("texturedir", folders.get("assetdir", ""))
     for element in root.iter():
-        if element.get("file"):
-            yield element, texture if element.tag == "texture" else mesh
+        for key in _FILE_KEYS:
+            if element.get(key):
+                yield element, key, texture if element.tag == "texture" else mesh
 
 
 def _without_folders(root: ElementTree.Element) -> str:
@@ -172,7 +232,7 @@ def _without_folders(root: ElementTree.Element) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _recorded_path(mujoco: Any, model: Any, element: ElementTree.Element) -> str:
+def _recorded_path(mujoco: Any, model: Any, element: ElementTree.Element) -> str | None:
     """Where the file of an asset lies, as the compiled model has recorded it."""
     kinds = {"mesh": "MESH", "hfield": "HFIELD", "texture": "TEXTURE", "skin": "SKIN"}
     addresses = {
@@ -181,13 +241,14 @@ def _recorded_path(mujoco: Any, model: Any, element: ElementTree.Element) -> str
         "texture": "tex_pathadr",
         "skin": "skin_pathadr",
     }
+    if element.tag not in kinds:
+        return None
     name = element.get("name") or Path(element.attrib["file"]).stem
     index = mujoco.mj_name2id(model, getattr(mujoco.mjtObj, "mjOBJ_" + kinds[element.tag]), name)
     address = int(getattr(model, addresses[element.tag])[index]) if index >= 0 else -1
     if address < 0:
-        return element.attrib["file"]
-    path = bytes(model.paths)[address:].split(b"\0", 1)[0].decode()
-    return os.path.abspath(path)
+        return None
+    return bytes(model.paths)[address:].split(b"\0", 1)[0].decode()
 
 
 # Of a compiled model, what the importer reads: not what MuJoCo derives for its own solver, and not what is drawn.

@@ -61,25 +61,49 @@ VectorX ReadVector(nb::handle given, std::size_t count, const char* argument) {
 
 Vector3 ReadVector3(nb::handle given, const char* argument) { return ReadVector(given, 3, argument); }
 
-RigidTransform ReadPose(nb::handle given, const char* argument) {
-  const Numbers numbers = ReadNumbers(given, argument);
+namespace {
+
+constexpr const char* kPoseForms =
+    "3 numbers (a position), 7 (position and quaternion, w first) or a 4 x 4 matrix";
+
+RigidTransform MakePose(const Numbers& numbers, const char* argument, const char* forms) {
   const double* n = numbers.data();
-  if (numbers.ndim() == 1 && numbers.size() == 3) return RigidTransform(ReadVector3(given, argument));
+  const auto has = [&](std::size_t size) { return numbers.ndim() == 1 && numbers.size() == size; };
+  const bool is_matrix = numbers.ndim() == 2 && numbers.shape(0) == 4 && numbers.shape(1) == 4;
+  if (!has(3) && !has(7) && !is_matrix) Refuse(argument, forms, numbers);
   RequireFinite(numbers, argument);
-  if (numbers.ndim() == 1 && numbers.size() == 7) {
+  if (has(3)) return RigidTransform(Vector3(n[0], n[1], n[2]));
+  if (has(7)) {
     const Quaternion q(n[3], n[4], n[5], n[6]);
     if (!(q.norm() > 0))
       throw nb::value_error((std::string(argument) + " has a quaternion of length 0").c_str());
     return {q.normalized(), Vector3(n[0], n[1], n[2])};
   }
-  if (numbers.ndim() == 2 && numbers.shape(0) == 4 && numbers.shape(1) == 4) {
-    const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(n);
-    const Matrix3 R = m.topLeftCorner<3, 3>();
-    if (!(R.transpose() * R).isIdentity(1e-6) || !(R.determinant() > 0))
-      throw nb::value_error((std::string(argument) + " has no rotation in its upper left 3 x 3").c_str());
-    return {R, Vector3(m.topRightCorner<3, 1>())};
-  }
-  Refuse(argument, "3 numbers (a position), 7 (position and quaternion, w first) or a 4 x 4 matrix", numbers);
+  const Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>> m(n);
+  const Matrix3 R = m.topLeftCorner<3, 3>();
+  if (!(R.transpose() * R).isIdentity(1e-6) || !(R.determinant() > 0))
+    throw nb::value_error((std::string(argument) + " has no rotation in its upper left 3 x 3").c_str());
+  return {R, Vector3(m.topRightCorner<3, 1>())};
+}
+
+}  // namespace
+
+RigidTransform ReadPose(nb::handle given, const char* argument) {
+  return MakePose(ReadNumbers(given, argument), argument, kPoseForms);
+}
+
+RigidTransform ReadBasePose(nb::handle given, const char* argument) {
+  const Numbers numbers = ReadNumbers(given, argument);
+  if (numbers.ndim() != 1 || numbers.size() != 6)
+    return MakePose(
+        numbers, argument,
+        "3 numbers (a position), 6 (position, roll, pitch and yaw), 7 (position and quaternion, w "
+        "first) or a 4 x 4 matrix");
+  RequireFinite(numbers, argument);
+  const double* n = numbers.data();
+  const Quaternion q = Eigen::AngleAxisd(n[5], Vector3::UnitZ()) * Eigen::AngleAxisd(n[4], Vector3::UnitY()) *
+                       Eigen::AngleAxisd(n[3], Vector3::UnitX());
+  return {q, Vector3(n[0], n[1], n[2])};
 }
 
 }  // namespace fork1s::python

@@ -98,5 +98,7 @@ inline Vector3 ReadOrZero(const nb::object& given, const char* argument) {
 VectorX ReadVector(nb::handle given, std::size_t count, const char* argument);
 /// (3,) a position, (7,) position and quaternion w first, (4, 4) homogeneous.
 RigidTransform ReadPose(nb::handle given, const char* argument);
+/// The same, and (6,) a position with roll, pitch and yaw [rad], as in URDF's <origin>.
+RigidTransform ReadBasePose(nb::handle given, const char* argument);
 
 }  // namespace fork1s::python

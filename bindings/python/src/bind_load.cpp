@@ -63,7 +63,7 @@ ImportOptions ReadOptions(const Options& given) {
   for (const auto& [joint, gains] : ReadAs<std::map<std::string, Gains>>(get("joint_pd"), "pd", kGains))
     options.joint_pd[joint] = Read(gains);
   options.keyframe = text("keyframe").value_or("");
-  if (!get("base_pose").is_none()) options.base_pose = ReadPose(get("base_pose"), "base_pose");
+  if (!get("base_pose").is_none()) options.base_pose = ReadBasePose(get("base_pose"), "base_pose");
   options.joint_coordinates =
       ReadAs<std::map<std::string, double>>(get("q"), "q", "a mapping from joint names to numbers");
   options.keep_start = ReadAs<bool>(get("keep_start"), "keep_start", "True or False");

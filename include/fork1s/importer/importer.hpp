@@ -69,7 +69,7 @@ struct ImportOptions {
   std::optional<ModeChoice> mode_choice;
   double stiffness_scale = 1;
   std::optional<PdGains> pd;                // joints that no spring and no servo holds
-  std::map<std::string, PdGains> joint_pd;  // by joint name, in place of `pd`, on top of other holds
+  std::map<std::string, PdGains> joint_pd;  // by joint name or "all", in place of `pd`, on top of holds
   std::string keyframe;                     // name; empty: the file's reference pose
 
   // Where it starts and what it stands on; all change the initial state only, on top of `keyframe`.
