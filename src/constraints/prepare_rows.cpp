@@ -114,7 +114,7 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
   out.compliance.is_moved = trace / 3 > out.compliance.least_R;
   out.compliance.inverse_mass = out.compliance.is_moved ? trace / 3 : 0;
   out.reach = reach;
-  out.compliance.R_n = in.compliance_normal;
+  out.compliance.R_n = out.compliance.material_R_n = in.compliance_normal;
   out.compliance.R_t = in.compliance_tangent;
   out.velocity.start = u;
   out.turning.start = turning;
@@ -151,8 +151,7 @@ void RegularizedContactProblem::SetPairCompliance(PairRows& pair, double max_rel
         std::min(1.0, max_relative_regularization * point.compliance.inverse_mass / point.compliance.R_n);
     pair.material_R_n = std::min(pair.material_R_n, stiffer * point.compliance.R_n);
     pair.material_R_t = std::min(pair.material_R_t, stiffer * point.compliance.R_t);
-    if (point.previous.normal > 0)
-      stiffer = std::min(stiffer, point.compliance.depth / (point.previous.normal * point.compliance.R_n));
+    stiffer = std::min(stiffer, point.compliance.LoadedShare(point.previous.normal));
     pair.R_n = std::min(pair.R_n, stiffer * point.compliance.R_n);
     pair.R_t = std::min(pair.R_t, stiffer * point.compliance.R_t);
     pair.least_R = std::max(pair.least_R, point.compliance.least_R);
@@ -186,15 +185,15 @@ void RegularizedContactProblem::ApplyPairCompliance(const PairRows& pair) {
 
 // Speed [m/s] by which the point gives that gives most, and the share of its R that would leave its depth.
 RegularizedContactProblem::Pressed RegularizedContactProblem::PressedIn(const PairRows& pair) const {
-  // Twice the depth is let pass: of what comes in one step the next one takes note.
+  // Twice as soft is let pass: of what comes in one step the next one takes note.
   constexpr double kLetPass = 2;
   Pressed pressed;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     const PointRows& point = points[static_cast<std::size_t>(i)];
-    const double given = point.impulse[0] * point.compliance.R_n;
-    pressed.given = std::max(pressed.given, given);
-    if (given > kLetPass * point.compliance.depth)
-      pressed.share = std::min(pressed.share, point.compliance.depth / given);
+    const PointCompliance& give = point.compliance;
+    pressed.given = std::max(pressed.given, point.impulse[0] * give.R_n);
+    const double loaded = give.LoadedShare(point.impulse[0]) * give.material_R_n;
+    if (give.R_n > kLetPass * loaded) pressed.share = std::min(pressed.share, loaded / give.R_n);
   }
   return pressed;
 }

@@ -31,10 +31,19 @@ struct PointCompliance {
   double R_n = 0, R_t = 0;                    // 1/kg
   Vector3 R_turn = Vector3::Zero();           // 1/(kg m²), of moments about normal and tangents
   double least_R = 0;                         // before anything cancels
+  double material_R_n = 0;                    // of a small load
   double depth = 0;                           // m/s: max_penetration_speed
   double inverse_mass = 0;                    // tr(G Gᵀ)/3
   Vector3 inverse_inertia = Vector3::Zero();  // about normal and tangents
   bool is_moved = true;                       // by any freedom; otherwise it has no impulse and no R
+
+  /// R_n under an impulse as a share of material_R_n (ContactConstraint::max_penetration_speed).
+  double LoadedShare(double impulse) const {
+    const double linear = impulse * material_R_n;
+    if (!(linear > depth)) return 1;
+    static_assert(ContactConstraint::kHardeningExponent == 8);
+    return depth / linear * std::sqrt(std::sqrt(std::sqrt(linear / depth)));
+  }
 };
 
 /// Relative velocity w = base + offset + G d of a point, and its relative angular velocity in the same form.

@@ -24,11 +24,6 @@ using Kind = PathElementDef::Kind;
 
 bool IsObstacle(const PathElementDef& e) { return e.kind == Kind::kSphere || e.kind == Kind::kCylinder; }
 
-struct PathPoint {
-  BodyIndex body;
-  Vector3 p_R;
-};
-
 // Two ends of one length have no direction between them.
 constexpr double kNoLength = 1e-15;  // m
 
@@ -82,47 +77,54 @@ void ComputeWrench(const Mechanism& mechanism, const Mechanism::Path& path, cons
   if (!path.gear.head<3>().isZero(0)) out.length += path.gear.head<3>().dot(LogRotation(X_FO.rotation()));
 }
 
-void ComputeTendon(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
-                   PathState& out) {
+// straight(part), along(length on an obstacle): of the whole tendon, in order.
+template <class Straight, class Along>
+void ForEachPart(const Mechanism::Path& path, const Kinematics& kinematics, const Straight& straight,
+                 const Along& along) {
   const auto place = [&](BodyIndex b, const Vector3& p_B) -> Vector3 { return kinematics.X_RB[b.u()] * p_B; };
   double divisor = 1;
-  const auto straight = [&](const PathPoint& from, const PathPoint& to) {
-    const Vector3 way = to.p_R - from.p_R;
-    const double length = way.norm();
-    out.length += length / divisor;
-    if (from.body == to.body || length < kNoLength) return;
-    const Vector3 u = way / (length * divisor);
-    Vector6 F;
-    F << to.p_R.cross(u), u;
-    Pull(mechanism, path, kinematics, to.body, F, out);
-    F.head<3>() = from.p_R.cross(u);
-    Pull(mechanism, path, kinematics, from.body, -F, out);
-  };
   for (std::size_t e = 0; e + 1 < path.elements.size(); ++e) {
     const PathElementDef& element = path.elements[e];
     if (element.kind == Kind::kPulley) divisor = element.divisor;
     if (element.kind != Kind::kPoint || path.elements[e + 1].kind == Kind::kPulley) continue;
-    const PathPoint a{element.body, place(element.body, element.X_BE.translation())};
+    const Vector3 a = place(element.body, element.X_BE.translation());
     const PathElementDef& next = path.elements[e + 1];
     if (!IsObstacle(next)) {
-      straight(a, {next.body, place(next.body, next.X_BE.translation())});
+      straight({element.body, next.body, a, place(next.body, next.X_BE.translation()), divisor});
       continue;
     }
     const PathElementDef& end = path.elements[e + 2];
-    const PathPoint b{end.body, place(end.body, end.X_BE.translation())};
+    const Vector3 b = place(end.body, end.X_BE.translation());
     const RigidTransform X_RE = kinematics.X_RB[next.body.u()] * next.X_BE, X_ER = X_RE.inverse();
     const Vector3 side =
         next.has_side ? Vector3(X_ER * place(next.side_body, next.side_B)) : Vector3(Vector3::Zero());
     const auto wrap = next.kind == Kind::kSphere ? WrapSphere : WrapCylinder;
-    const Wrap way = wrap(X_ER * a.p_R, X_ER * b.p_R, next.radius, next.has_side ? &side : nullptr);
+    const Wrap way = wrap(X_ER * a, X_ER * b, next.radius, next.has_side ? &side : nullptr);
     if (!way.touches) {
-      straight(a, b);
+      straight({element.body, end.body, a, b, divisor});
       continue;
     }
-    straight(a, {next.body, X_RE * way.first});
-    out.length += way.along / divisor;
-    straight({next.body, X_RE * way.last}, b);
+    straight({element.body, next.body, a, X_RE * way.first, divisor});
+    along(way.along / divisor);
+    straight({next.body, end.body, X_RE * way.last, b, divisor});
   }
+}
+
+void ComputeTendon(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+                   PathState& out) {
+  const auto straight = [&](const StraightPart& part) {
+    const Vector3 way = part.to_R - part.from_R;
+    const double length = way.norm();
+    out.length += length / part.divisor;
+    if (part.from_body == part.to_body || length < kNoLength) return;
+    const Vector3 u = way / (length * part.divisor);
+    Vector6 F;
+    F << part.to_R.cross(u), u;
+    Pull(mechanism, path, kinematics, part.to_body, F, out);
+    F.head<3>() = part.from_R.cross(u);
+    Pull(mechanism, path, kinematics, part.from_body, -F, out);
+  };
+  ForEachPart(path, kinematics, straight, [&](double along) { out.length += along; });
 }
 
 // Arms of Σ c ω along the axes of rotations: rows of E.
@@ -193,6 +195,14 @@ void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const 
     case PathKind::kWrench:
       return ComputeWrench(mechanism, path, kinematics, out);
   }
+}
+
+void FindStraightParts(const Mechanism::Path& path, const Kinematics& kinematics,
+                       std::vector<StraightPart>& out) {
+  out.clear();
+  if (!path.rates.empty() || path.kind != PathKind::kTendon) return;
+  ForEachPart(
+      path, kinematics, [&](const StraightPart& part) { out.push_back(part); }, [](double) {});
 }
 
 void FindCoordinates(const Mechanism& mechanism, int index, Mechanism::Path& path) {

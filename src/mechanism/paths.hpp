@@ -2,12 +2,22 @@
 #pragma once
 
 #include <fork1s/mechanism/kinematics.hpp>
+#include <vector>
 
 namespace fork1s::internal {
 
 /// Length and arms of a path by q and the poses and screws of `kinematics`; `out` has the path's coordinates.
 void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
                  const VectorX& q, PathState& out);
+/// A straight part of a tendon at a pose; its length counts in that of the tendon by one over the divisor.
+struct StraightPart {
+  BodyIndex from_body, to_body;
+  Vector3 from_R, to_R;  // m
+  double divisor = 1;
+};
+/// Of a tendon, whose parts round obstacles end at bodies of these; none of other paths.
+void FindStraightParts(const Mechanism::Path& path, const Kinematics& kinematics,
+                       std::vector<StraightPart>& out);
 /// Fills the coordinates of path `index` of the definition; joints are there.
 void FindCoordinates(const Mechanism& mechanism, int index, Mechanism::Path& path);
 /// The same for a path of angular velocities.

@@ -3,6 +3,7 @@
 // Impulses p change the stacked velocities by v = v* + W p, W = J A⁻¹ Jᵀ block by block.
 #pragma once
 
+#include <cmath>
 #include <fork1s/base/types.hpp>
 #include <limits>
 
@@ -40,6 +41,12 @@ struct PointConstraint {
   Vector2 FrictionShares() const {
     const double largest = friction_scale.maxCoeff();
     return largest > 0 ? Vector2((friction_scale / largest).cwiseMax(1e-9)) : Vector2(Vector2::Ones());
+  }
+  /// Compliance of the normal under an impulse as a share of compliance_normal: beyond max_penetration_speed the
+  /// impulse grows with the eighth power of the penetration.
+  double LoadedScale(double normal_impulse) const {
+    const double linear = normal_impulse * compliance_normal;
+    return linear > max_penetration_speed ? std::pow(linear / max_penetration_speed, 1.0 / 8 - 1) : 1;
   }
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
   /// Impulse [moment; force] on the body whose Jacobian is J.

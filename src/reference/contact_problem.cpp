@@ -131,49 +131,45 @@ void InitializePairCompliance(const std::vector<PointConstraint>& points, double
     double& initial = problem.initial_scale[static_cast<std::size_t>(block.pair)];
     initial = std::min(initial, max_relative * block.inverse_mass / p.compliance_normal);
     scale = std::min(scale, initial);
-    if (const double pressed = p.previous_impulse[0] * p.compliance_normal; pressed > 0)
-      scale = std::min(scale, p.max_penetration_speed / pressed);
+    scale = std::min(scale, p.LoadedScale(p.previous_impulse[0]));
   }
 }
 
-namespace {
-
-// Twice the depth is accepted: the next step knows the load.
-constexpr double kAcceptedDepth = 2;
-
-}  // namespace
-
-std::vector<double> DepthSpeeds(const std::vector<PointConstraint>& points, const ContactProblem& problem,
-                                const VectorX& x) {
+std::vector<double> PenetrationSpeeds(const ContactProblem& problem, const VectorX& x) {
   std::vector<double> speeds(problem.pair_scale.size(), 0.0);
   for (const PointBlock& block : problem.points) {
-    const double accepted = kAcceptedDepth *
-                            points[static_cast<std::size_t>(block.constraint)].max_penetration_speed,
-                 speed = x[block.row] * problem.R[block.row];
     double& most = speeds[static_cast<std::size_t>(block.pair)];
-    if (speed > accepted) most = std::max(most, speed);
+    most = std::max(most, x[block.row] * problem.R[block.row]);
   }
   return speeds;
 }
 
+std::vector<double> ExcessCompliance(const std::vector<PointConstraint>& points,
+                                     const ContactProblem& problem, const VectorX& x) {
+  std::vector<double> excess(problem.pair_scale.size(), 0.0);
+  for (const PointBlock& block : problem.points) {
+    const PointConstraint& p = points[static_cast<std::size_t>(block.constraint)];
+    double& most = excess[static_cast<std::size_t>(block.pair)];
+    most = std::max(most, problem.R[block.row] / (p.LoadedScale(x[block.row]) * p.compliance_normal));
+  }
+  // Twice the material's is accepted: the next step knows the load.
+  for (double& e : excess)
+    if (e <= 2) e = 1;
+  return excess;
+}
+
 bool ReducePairCompliance(const std::vector<PointConstraint>& points, const VectorX& x,
                           ContactProblem& problem) {
-  std::vector<double> factor(problem.pair_scale.size(), 1.0);
-  for (const PointBlock& block : problem.points) {
-    const double limit = points[static_cast<std::size_t>(block.constraint)].max_penetration_speed,
-                 pressed = x[block.row] * problem.R[block.row];
-    double& f = factor[static_cast<std::size_t>(block.pair)];
-    if (pressed > kAcceptedDepth * limit) f = std::min(f, limit / pressed);
-  }
+  const std::vector<double> excess = ExcessCompliance(points, problem, x);
   bool any = false;
-  std::vector<char> at_floor(factor.size(), 0);
+  std::vector<char> at_floor(excess.size(), 0);
   for (const PointBlock& block : problem.points) {
     const auto pair = static_cast<std::size_t>(block.pair);
-    if (problem.R[block.row] * factor[pair] < problem.pair_floor[pair]) at_floor[pair] = 1;
+    if (problem.R[block.row] / excess[pair] < problem.pair_floor[pair]) at_floor[pair] = 1;
   }
-  for (std::size_t pair = 0; pair < factor.size(); ++pair) {
-    if (factor[pair] == 1 || at_floor[pair] || problem.driven_pairs[pair]) continue;
-    problem.pair_scale[pair] *= factor[pair];
+  for (std::size_t pair = 0; pair < excess.size(); ++pair) {
+    if (excess[pair] == 1 || at_floor[pair] || problem.driven_pairs[pair]) continue;
+    problem.pair_scale[pair] /= excess[pair];
     any = true;
   }
   return any;

@@ -46,14 +46,15 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
                                       const std::vector<BoundConstraint>& bounds, const VectorX& velocities);
 
 /// Scale of R for each pair of bodies, one for all of its points. The stiffest of them decides: R is reduced
-/// to `max_relative` of the inverse mass, and to the R at which the normal impulse of the step before
-/// penetrates by no more than the material's depth.
+/// to `max_relative` of the inverse mass, and to that of the material at the normal impulse of the step before.
 void InitializePairCompliance(const std::vector<PointConstraint>& points, double max_relative,
                               ContactProblem& problem);
-/// R times the normal impulse of the deepest point of each pair [m/s], where that is more than twice the material's depth;
-/// 0 of the others.
-std::vector<double> DepthSpeeds(const std::vector<PointConstraint>& points, const ContactProblem& problem,
-                                const VectorX& x);
+/// R times the normal impulse of the deepest point of each pair [m/s].
+std::vector<double> PenetrationSpeeds(const ContactProblem& problem, const VectorX& x);
+/// R over that of the material under the normal impulse, of the point of each pair where it is most; 1 up to twice
+/// the material's.
+std::vector<double> ExcessCompliance(const std::vector<PointConstraint>& points,
+                                     const ContactProblem& problem, const VectorX& x);
 /// Reduces R of these pairs, but of driven ones. False if there is none.
 bool ReducePairCompliance(const std::vector<PointConstraint>& points, const VectorX& x,
                           ContactProblem& problem);

@@ -113,18 +113,19 @@ double SolveAtCompliance(const ContactProblem& problem, const std::vector<PointC
 // them. Their R goes back to that before any load. False if there is none.
 bool FindDrivenPairs(const std::vector<PointConstraint>& points, const std::vector<BoundConstraint>& bounds,
                      const FullContactOptions& options, const VectorX& x, ContactProblem& problem) {
-  const std::vector<double> before = DepthSpeeds(points, problem, x);
-  if (std::none_of(before.begin(), before.end(), [](double speed) { return speed > 0; })) return false;
+  const std::vector<double> before = PenetrationSpeeds(problem, x),
+                            excess = ExcessCompliance(points, problem, x);
+  if (std::none_of(excess.begin(), excess.end(), [](double e) { return e > 1; })) return false;
   ContactProblem hard = problem;
   std::fill(hard.pair_scale.begin(), hard.pair_scale.end(), 0.0);
   UpdateCompliance(points, options.max_relative_regularization, hard);
   VectorX x_hard = x;
   FullContactReport ignored;
   if (SolveAtCompliance(hard, points, bounds, options, x_hard, ignored) > options.tolerance) return false;
-  const std::vector<double> after = DepthSpeeds(points, hard, x_hard);
+  const std::vector<double> after = PenetrationSpeeds(hard, x_hard);
   bool any = false;
   for (std::size_t pair = 0; pair < before.size(); ++pair) {
-    if (problem.driven_pairs[pair] || !(before[pair] > 0) || !(after[pair] > 0.5 * before[pair])) continue;
+    if (problem.driven_pairs[pair] || !(excess[pair] > 1) || !(after[pair] > 0.5 * before[pair])) continue;
     problem.driven_pairs[pair] = any = true;
     problem.pair_scale[pair] = problem.initial_scale[pair];
   }

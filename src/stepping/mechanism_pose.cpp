@@ -83,6 +83,11 @@ void Size(const StepContext& ctx) {
   ws.loads.carried_force.resize(3, m.num_joints());
   ws.loads.carried_moments.resize(3, 3 * m.num_joints());
   ws.loads.joint_twist.resize(6, r);
+  std::size_t parts = 0;
+  for (const Mechanism::Path& path : model.mechanism().paths())
+    parts = std::max(parts, 2 * path.elements.size());
+  ws.loads.path_forces.reserve(model.mechanism().paths().size());
+  ws.loads.straight_parts.reserve(parts);
   ws.loads.joint_turn.resize(3, r);
   ws.loads.turned_lever.resize(3, r);
   ws.mass.M_00 = model.reduced->M_00;

@@ -11,6 +11,7 @@
 
 #include "expanded_pose.hpp"
 #include "linalg/cholesky.hpp"
+#include "mechanism/paths.hpp"
 #include "reduction/reduced_jacobian.hpp"
 #include "stepping/mechanism_model.hpp"
 #include "stepping/step_context.hpp"
@@ -149,6 +150,8 @@ struct LoadStiffness {
   Matrix3X carried_moments;           // 3 x 3 joints, N·m: Σ x Fᵀ likewise, about R's origin
   Matrix6X joint_twist;               // 6 x r, of one joint
   Matrix3X joint_turn, turned_lever;  // 3 x r
+  std::vector<double> path_forces;    // N, per Mechanism::paths(); below 0 it pulls
+  std::vector<internal::StraightPart> straight_parts;  // of one path
 };
 
 /// A point spring at the pose at hand (point_spring.cpp).

@@ -19,8 +19,9 @@ struct MechanismModel;      // mechanism_model.hpp
 struct MechanismWorkspace;  // src/stepping/mechanism_workspace.hpp
 struct VelocityRange;       // mechanism_model.hpp
 
-/// Of what accelerates the parts, in the matrix of a stage: light links that a heavy body stretches.
-enum class GeometricStiffness { kNone, kOfWeight, kOfWeightAndInertia };
+/// In the matrix of a stage: of what accelerates the parts, as of light links that a heavy body stretches; of the tension
+/// of tendons, near the solution, since far from it Newton's iteration would go to another one.
+enum class GeometricStiffness { kNone, kOfWeight, kOfWeightAndTension, kOfWeightAndInertia };
 
 /// What moves.
 struct StepContext {

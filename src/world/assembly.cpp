@@ -27,9 +27,11 @@ void AssembleContact(std::size_t i, const StageAtHand& stage, const StepOptions&
   if (c.port_a >= 0) c.J_a = -PortRows(detection, rows, p.body_a, p.point, p.frame);
   if (c.port_b >= 0) c.J_b = PortRows(detection, rows, p.body_b, p.point, p.frame);
   const Vector3 speed = RelativeSpeed(c, rows.velocities);
-  approaches.pose_gaps[i] = p.gap;
   // A stage finds contacts at the pose that the velocity at hand leads to: this is the gap at its base point.
-  if (stage.within) p.gap -= h * speed(0);
+  if (!stage.keeps_contacts) {
+    approaches.pose_gaps[i] = p.gap;
+    if (stage.within) p.gap -= h * speed(0);
+  }
   approaches.closing[i] =
       std::max(0.0, -(stage.rows_from_start ? RelativeSpeed(c, rows.start_velocities) : speed)(0));
   if (const double start_gap = history.StartGap(i); start_gap <= 0) p.gap = start_gap;
@@ -109,7 +111,7 @@ void AssembleContacts(const StageAtHand& stage, const StepOptions& options, cons
   rows.contacts.resize(detection.points.size());
   approaches.rebound.assign(detection.points.size(), 0.0);
   approaches.closing.assign(detection.points.size(), 0.0);
-  approaches.pose_gaps.assign(detection.points.size(), 0.0);
+  approaches.pose_gaps.resize(detection.points.size());
   ForContacts(detection, [&](std::size_t i) {
     AssembleContact(i, stage, options, history, detection, approaches, rows);
   });

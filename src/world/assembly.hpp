@@ -12,6 +12,8 @@ struct StageAtHand {
   bool is_backward_euler = false;  // the step, or its part, is one stage
   bool rows_from_start = false;  // rows are those of the pose where the stage starts, else of that found last
   bool all_stops = false;        // all stops are rows
+  bool keeps_contacts =
+      false;  // points, normals and gaps of the base point are those of an earlier iteration
 };
 
 /// Rows of the contact points, whose gaps become those at the base point of the stage. `options.h`: of the

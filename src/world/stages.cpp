@@ -24,6 +24,10 @@ namespace {
 // halved; one of backward Euler, which falls back to no better scheme, first tries as often as that with
 // the geometric stiffness of inertia in its matrix (RenewStageMatrix).
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
+// Points come and go, and normals jump, with poses that differ by rounding or little more: where an edge lies flat, at
+// facets of meshes. The equation jumps there, and iterations swing between its sides. Where residuals are small
+// (StageResidual) after as many iterations, contacts stay as they are, each with its plane.
+constexpr int kIterationsWithDetection = 4;
 
 }  // namespace
 
@@ -150,9 +154,10 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   MoveAllToStagePoses(stage.h, time);
   ++report.stages;
   detection_.ForgetMotion();
-  stage_.all_stops = stage_.rows_from_start = false;
+  stage_.all_stops = stage_.rows_from_start = stage_.keeps_contacts = false;
   StartStops(history_.TimeStepRatio(stage.h), stops_);
   StageResidual last;
+  StepSubject passed;  // by the contacts found last
   int growths = 0, max_iterations = kMaxNewtonIterations;
   bool inertial = false;
   bool is_fresh = scheme != StageScheme::kSecondOfTwo;
@@ -182,7 +187,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report);
         event != HalvingCause::kNone)
       return event;
-    const StepSubject passed = stage_.rows_from_start ? StepSubject() : FindPassed(Impacts());
+    if (!stage_.keeps_contacts) passed = stage_.rows_from_start ? StepSubject() : FindPassed(Impacts());
     const StageResidual found = [&] {
       const PartClock clock(times_, &StepPartTimes::moving);
       // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides
@@ -196,6 +201,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     const bool from_start = stage_.rows_from_start;
     stage_.rows_from_start = !CoversMotion();
     if (stage_.rows_from_start) {
+      stage_.keeps_contacts = false;
       if (iteration == max_iterations || !detection_.IsWidthFinite()) break;
       continue;
     }
@@ -206,6 +212,11 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     // By a matrix of another pose a growth says nothing of the equation.
     growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
+    if (!stage_.keeps_contacts && iteration >= kIterationsWithDetection && found.is_small) {
+      stage_.keeps_contacts = true;
+      growths = 0;
+      max_iterations = std::max(max_iterations, iteration + kMaxNewtonIterations);
+    }
     bool ends = iteration == max_iterations || growths > kMaxResidualGrowths;
     const bool begins_inertial =
         ends && scheme == StageScheme::kBackwardEuler && !inertial && found.ratio > 1;
@@ -242,9 +253,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     if (!is_fresh) continue;
     // What is compressed by its weight buckles; the last resort goes without.
     const GeometricStiffness of_parts = inertial ? GeometricStiffness::kOfWeightAndInertia
-                                        : scheme == StageScheme::kBackwardEuler
-                                            ? GeometricStiffness::kNone
-                                            : GeometricStiffness::kOfWeight;
+                                        : scheme == StageScheme::kBackwardEuler ? GeometricStiffness::kNone
+                                        : found.is_small ? GeometricStiffness::kOfWeightAndTension
+                                                         : GeometricStiffness::kOfWeight;
     bodies_.ForMechanisms([&](std::size_t i) { RenewStageMatrix(bodies_.mechanisms[i], of_parts); });
   }
   const StepSubject not_finite = FindNotFinite();

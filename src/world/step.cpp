@@ -55,7 +55,7 @@ void World::Detail::PredictAllAgain(double h) {
 }
 
 bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& report) {
-  {
+  if (!stage_.keeps_contacts) {
     const PartClock finding(times_, &StepPartTimes::finding);
     if (!detection_.Find(bodies_, options.h, options.gravity, stage_.within)) return false;
     report.contacts_dropped = detection_.dropped;
@@ -64,7 +64,7 @@ bool World::Detail::PrepareContacts(const StepOptions& options, StepReport& repo
   const bool with_start_velocities = stage_.within && (stage_.is_backward_euler || stage_.rows_from_start);
   AssignPorts(bodies_, detection_, closures_, {options.h, stage_.all_stops, with_start_velocities}, stops_,
               rows_);
-  history_.Match(detection_);
+  if (!stage_.keeps_contacts) history_.Match(detection_);
   FindPortFrames(bodies_, detection_, rows_);
   AssembleContacts(stage_, options, history_, detection_, approaches_, rows_);
   AssemblePulls(adhesions_, bodies_, detection_, history_, options.h, options.material.depth, rows_);
@@ -120,7 +120,7 @@ void World::Detail::BeginStep(double h) {
   history_.Store(contacts_, contacts_h_, detection_.poses);
   contacts_h_ = h;
   detection_.ForgetMotion();
-  stage_.within = stage_.all_stops = stage_.rows_from_start = false;
+  stage_.within = stage_.all_stops = stage_.rows_from_start = stage_.keeps_contacts = false;
 }
 
 void World::Watch(StepPartTimes* times) { detail_->times_ = times; }

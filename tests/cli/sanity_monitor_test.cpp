@@ -44,9 +44,9 @@ TEST(Plausible, AStackAtRestIsNotRemarkedUpon) {
     EXPECT_EQ(WarningsOf(stack(boxes), 0, "30"), "[]");
 }
 
-// At 1e4 m/s the floor stops it half way through.
+// At 1e5 m/s the floor stops it half way through.
 TEST(Plausible, TooFastForTheStep) {
-  const std::string said = WarningsOf("--keyframe k " + Thrown("0 0 -1e4 0 0 0"));
+  const std::string said = WarningsOf("--keyframe k " + Thrown("0 0 -1e5 0 0 0"));
   EXPECT_NE(said.find("deep in the world"), std::string::npos) << said;
 }
 

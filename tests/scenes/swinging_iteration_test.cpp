@@ -5,6 +5,8 @@
 #include <fork1s/record/csv.hpp>
 #include <fork1s/sim/simulation.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -40,7 +42,9 @@ struct Count {
   int unsolved = 0, steps = 0;
 };
 
-Count StepsOf(const std::string& text, const std::vector<std::string>& interfaces, double time) {
+// `control`: of the first input, if there is one.
+Count StepsOf(const std::string& text, const std::vector<std::string>& interfaces, double time,
+              double control = 0) {
   ImportOptions import;
   import.interfaces = interfaces;
   auto imported = LoadMechanismFromString(text, "bridge", import);
@@ -50,6 +54,7 @@ Count StepsOf(const std::string& text, const std::vector<std::string>& interface
   auto simulation = Simulation::Create(imported->scene, {});
   EXPECT_TRUE(simulation) << simulation.error().Text();
   count.steps = static_cast<int>(std::lround(60 * time));
+  if (control != 0) simulation->SetControl(0, control);
   for (int i = 0; i < count.steps; ++i) {
     const StepReport report = simulation->Step();
     EXPECT_TRUE(report.finite) << i;
@@ -69,9 +74,8 @@ TEST(SwingingIteration, ABridgeUnderABallIsSolved) {
       all.steps += count.steps;
     }
   EXPECT_EQ(all.steps, 810);
-  // Of 810 steps 31 end unsolved, 227 without relaxation: some jump between the corners of two planks, which no
-  // iteration settles.
-  EXPECT_LE(all.unsolved, 60);
+  // 2, 227 without relaxation, 31 where contacts are found anew in every iteration.
+  EXPECT_LE(all.unsolved, 4);
 }
 
 // Normals of capsules on edges jump by what their search leaves open, so an iteration ends between two poses some 1e-10 m
@@ -99,6 +103,88 @@ TEST(SwingingIteration, WhatDetectionLeavesOpenIsNoUnsolvedStep) {
     unsolved += simulation->Step(true).IsSolved() ? 0 : 1;
   }
   EXPECT_EQ(unsolved, 0);
+}
+
+// A closed chain of plates round two wheels, one of which a motor turns. Plates come to lie flat on a wheel and leave
+// it, and points of theirs come and go between poses that differ by rounding: then contacts stay as they are.
+std::string Chain(int plates) {
+  constexpr double kRadius = 0.2, kSpan = 0.8, kPi = 3.14159265358979;
+  const double pitch = (2 * kSpan + 2 * kPi * kRadius) / plates, half = kPi * kRadius;
+  const auto place = [&](double s) {
+    if (s < kSpan) return Vector2(s - kSpan / 2, kRadius);
+    s -= kSpan;
+    if (s < half)
+      return Vector2(kSpan / 2 + kRadius * std::sin(s / kRadius), kRadius * std::cos(s / kRadius));
+    s -= half;
+    if (s < kSpan) return Vector2(kSpan / 2 - s, -kRadius);
+    s -= kSpan;
+    return Vector2(-kSpan / 2 - kRadius * std::sin(s / kRadius), -kRadius * std::cos(s / kRadius));
+  };
+  std::string text, end;
+  for (const double x : {-0.4, 0.4})
+    text += fmt::format(
+        "<body pos='{} 0 1'><joint name='wheel_{}' axis='0 1 0' damping='.1'/>"
+        "<geom type='cylinder' size='.17 .1' euler='90 0 0' mass='10'/></body>",
+        x, x < 0 ? 0 : 1);
+  double before = 0, length = 0;
+  for (int i = 0; i < plates; ++i) {
+    const Vector2 here = place(i * pitch), way = place((i + 1) % plates * pitch) - here;
+    const double angle = std::atan2(-way[1], way[0]), last = length;
+    length = way.norm();
+    text += fmt::format(
+        "<body name='p{}' pos='{} 0 {}' euler='0 {} 0'>{}<geom type='box' size='{} .12 .015' pos='{} 0 .02' "
+        "mass='1.5'/>",
+        i, i == 0 ? here[0] : last, i == 0 ? here[1] + 1 : 0, (angle - before) * 180 / kPi,
+        i == 0 ? "<freejoint/>" : "<joint axis='0 1 0' damping='.5'/>", 0.45 * length, 0.5 * length);
+    end += "</body>";
+    before = angle;
+  }
+  return "<mujoco><worldbody>" + text + end +
+         fmt::format("</worldbody><equality><connect body1='p{}' body2='p0' anchor='{} 0 0'/></equality>",
+                     plates - 1, length) +
+         "<actuator><velocity joint='wheel_1' kv='200' forcerange='-150 150'/></actuator></mujoco>";
+}
+
+TEST(SwingingIteration, AChainRoundWheelsIsSolved) {
+  int unsolved = 0;
+  for (const int plates : {16, 20, 28}) {
+    std::vector<std::string> names;
+    for (int i = 0; i < plates; ++i) names.push_back("p" + std::to_string(i));
+    unsolved += StepsOf(Chain(plates), names, 3, 3).unsolved;
+  }
+  // Of 540 steps, 5 where contacts are found anew in every iteration. In one a material becomes stiffer by twice its
+  // depth and softer again.
+  EXPECT_LE(unsolved, 1);
+}
+
+// A load on four slings under a hook on two ropes. Their tension turns with the hook, by more than its inertia in a step.
+std::string Crane(double load, double hook) {
+  std::string sites, slings;
+  for (int i = 0; i < 4; ++i) {
+    sites += fmt::format("<site name='l{}' pos='{} {} .5'/>", i, i % 2 == 0 ? 0.9 : -0.9, i < 2 ? 0.4 : -0.4);
+    slings += fmt::format(
+        "<spatial stiffness='{}' damping='2000' springlength='0 2.15'><site site='h'/><site site='l{}'/></spatial>",
+        200 * load, i);
+  }
+  std::string ropes;
+  for (const char* side : {"a", "b"})
+    ropes += fmt::format(
+        "<spatial name='{0}' stiffness='{1}' damping='{2}' springlength='0 6'><site site='top_{0}'/><site "
+        "site='hook_{0}'/></spatial>",
+        side, 150 * load, 5 * load);
+  return fmt::format(
+      "<mujoco><worldbody><site name='top_a' pos='.2 0 9.7'/><site name='top_b' pos='-.2 0 9.7'/>"
+      "<body pos='0 0 3.5'><freejoint/><geom type='box' size='.25 .1 .15' mass='{}'/><site name='hook_a' "
+      "pos='.2 0 .1'/><site name='hook_b' pos='-.2 0 .1'/><site name='h' pos='0 0 -.15'/></body>"
+      "<body name='load' pos='0.05 0 1.001'><freejoint/><geom type='box' size='1 .5 .5' mass='{}'/>{}</body>"
+      "</worldbody><tendon>{}{}</tendon></mujoco>",
+      hook, load, sites, slings, ropes);
+}
+
+TEST(SwingingIteration, AHeavyLoadUnderALightHookIsSolved) {
+  for (const auto& [load, hook] :
+       {std::pair{2000.0, 80.0}, {5000.0, 20.0}, {20000.0, 200.0}, {20000.0, 80.0}, {20000.0, 20.0}})
+    EXPECT_EQ(StepsOf(Crane(load, hook), {}, 4).unsolved, 0) << load << " kg, " << hook << " kg";
 }
 
 }  // namespace

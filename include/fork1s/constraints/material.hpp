@@ -14,7 +14,7 @@ namespace fork1s {
 
 struct ContactMaterial {
   double stiffness = 1e6;       // N/m: 2 E a of a pad of 100 MPa whose patch has a radius a of 5 mm
-  double depth = 1e-5;          // m: largest penetration under load; the stiffness increases beyond it
+  double depth = 1e-5;          // m: up to it the load is linear (ContactConstraint::kHardeningExponent)
   double relaxation_steps = 4;  // τ/h: time constant in which penetration beyond `depth` decays
   double max_push_speed =
       0.1;  // m/s: largest speed at which overlaps are separated; bodies hop by 0.5 mm then

@@ -16,6 +16,7 @@
 // step is halved.
 #include <algorithm>
 
+#include "../mechanism_detail.hpp"
 #include "forces.hpp"
 
 namespace fork1s {
@@ -92,19 +93,21 @@ class CarriedForces {
     here_.work.loads.carried_force.col(j) += load.force;
     here_.work.loads.carried_moments.middleCols<3>(3 * j) += load.force_moments;
   }
-  // K += their stiffness, in the lower triangle; once.
-  void AddStiffness(MatrixX& K_out);
+  // K += their stiffness, in the lower triangle; once. On a base that turns they stay in the world's axes, or
+  // with `turn_with_base` in its own.
+  void AddStiffness(MatrixX& K_out, bool turn_with_base = false);
 
  private:
   const StepContext& here_;
   Matrix3 total_moments_ = Matrix3::Zero();
 };
 
-void CarriedForces::AddStiffness(MatrixX& K_out) {
+void CarriedForces::AddStiffness(MatrixX& K_out, bool turn_with_base) {
   const auto& [model, state, ws] = here_;
   const Mechanism& m = model.mechanism();
   const int base = model.base_size;
-  if (base > 0) {
+  const bool has_base = base > 0 && !turn_with_base;
+  if (has_base) {
     const Matrix3 turned = AppliedForces::TurnedLever(total_moments_);
     K_out.topLeftCorner<3, 3>() -= 0.5 * (turned + turned.transpose());
   }
@@ -137,8 +140,81 @@ void CarriedForces::AddStiffness(MatrixX& K_out) {
     auto K = K_out.block(base + begin, base + begin, size, size);
     K.noalias() -= 0.5 * turn.transpose().lazyProduct(lever);
     K.noalias() -= 0.5 * lever.transpose().lazyProduct(turn);
-    if (base > 0) K_out.block(base + begin, 0, size, 3) -= lever.transpose();
+    if (has_base) K_out.block(base + begin, 0, size, 3) -= lever.transpose();
   }
+}
+
+// ws.loads.path_forces <- of springs, inputs, bounded servos and muscles on paths at the pose at hand; without dampers
+// and stops. Whether any is not 0.
+bool ComputePathForces(const StepContext& ctx) {
+  const auto& [model, state, ws] = ctx;
+  const Mechanism& m = model.mechanism();
+  std::vector<double>& forces = ws.loads.path_forces;
+  forces.assign(m.paths().size(), 0.0);
+  if (forces.empty()) return false;
+  const auto add = [&](const Mechanism::Length& length, auto force) {
+    if (length.path >= 0) forces[At(length.path)] += force();
+  };
+  for (const Mechanism::Spring& s : m.springs())
+    add(s.length, [&] { return s.Force(Length(ctx, s.length)); });
+  if (state.controls.size() > 0) {
+    const VectorX& activation = UpdateActivations(ctx);
+    for (std::size_t k = 0; k < m.controls().size(); ++k)
+      add(m.controls()[k].length,
+          [&] { return m.controls()[k].gain * activation(static_cast<Eigen::Index>(k)); });
+    for (const Mechanism::Muscle& muscle : m.muscles())
+      add(muscle.length, [&] {
+        return activation(muscle.control) *
+               muscle.Force(Length(ctx, muscle.length), LengthRate(ctx, muscle.length));
+      });
+  }
+  for (const Mechanism::ForceLimit& limit : m.force_limits())
+    add(limit.length, [&] {
+      const double force = UnboundedForce(ctx, limit);
+      return std::clamp(force, limit.lower, limit.upper) - force;
+    });
+  return std::any_of(forces.begin(), forces.end(), [](double force) { return force != 0; });
+}
+
+// A -= b² Σ f ∂²ℓ/∂q² of a tendon with the force f along its length ℓ: what its forces at their points are stiff by as
+// constant ones, and for each straight part of length L, with the relative velocity J w of its ends and e across it,
+//     -f/L Σ (eᵀ J)ᵀ (eᵀ J)
+// Points of touch count as fixed to their obstacle.
+void AddTensionStiffness(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
+  if (!ComputePathForces(ctx)) return;
+  const Mechanism& m = model.mechanism();
+  CarriedForces forces(ctx);
+  auto A_z = ws.matrix.A.bottomRightCorner(model.size(), model.size());
+  for (std::size_t k = 0; k < m.paths().size(); ++k) {
+    if (!(ws.loads.path_forces[k] < 0)) continue;
+    internal::FindStraightParts(m.paths()[k], ws.configuration.kinematics, ws.loads.straight_parts);
+    for (const internal::StraightPart& part : ws.loads.straight_parts) {
+      const Vector3 way = part.to_R - part.from_R;
+      const double length = way.norm(), force = b * b * ws.loads.path_forces[k] / part.divisor;
+      if (part.from_body == part.to_body || !(length > 0)) continue;
+      const Vector3 u = way / length, pull = force * u;
+      const int to = m.body(part.to_body).last_joint, from = m.body(part.from_body).last_joint;
+      forces.Add(to, {pull, part.to_R * pull.transpose()});
+      forces.Add(from, {-pull, -part.from_R * pull.transpose()});
+      const Vector3 first = u.unitOrthogonal();
+      for (const Vector3& across : {first, Vector3(u.cross(first))}) {
+        VectorX& row = ws.scratch.length_row;
+        row.setZero();
+        const auto add = [&](int joint, const Vector3& point, double sign) {
+          if (joint < 0) return;
+          const auto T = ws.jacobian.T(joint);
+          row.segment(ws.jacobian.begin(joint), T.cols()) +=
+              sign *
+              (T.topRows<3>().transpose() * point.cross(across) + T.bottomRows<3>().transpose() * across);
+        };
+        add(to, part.to_R, 1);
+        add(from, part.from_R, -1);
+        A_z.noalias() -= force / length * row * row.transpose();
+      }
+    }
+  }
+  forces.AddStiffness(ws.matrix.A, true);
 }
 
 }  // namespace
@@ -177,6 +253,7 @@ void AddGeometricStiffness(const StepContext& ctx, double b, GeometricStiffness 
     forces.Add(i - 1, {force, center * force.transpose()});
   }
   forces.AddStiffness(ws.matrix.A);
+  if (of_parts == GeometricStiffness::kOfWeightAndTension) AddTensionStiffness(ctx, b);
 }
 
 }  // namespace fork1s

@@ -23,8 +23,8 @@ inline bool HasForcesFromOutside(const MechanismState& state) {
 void AddAppliedWrenches(const ConstStepContext& ctx, Matrix6X& F);
 /// loads.K <- geometric stiffness of the loads and of the point spring at the pose at hand.
 void ComputeLoadStiffness(const StepContext& ctx);
-/// A += b² times the geometric stiffness, as of loads, of the weight of the parts, with inertia also of the forces
-/// (p̂ - p)/b that change their momenta within b at the pose and velocity at hand.
+/// A += b² times the geometric stiffness, as of loads, of the weight of the parts; with tension also of tendons, with
+/// inertia of the forces (p̂ - p)/b that change their momenta within b at the pose and velocity at hand.
 void AddGeometricStiffness(const StepContext& ctx, double b, GeometricStiffness of_parts);
 
 // A point spring (point_spring.cpp).
