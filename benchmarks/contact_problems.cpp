@@ -60,7 +60,7 @@ void Print(Family family, int count) {
     // The law itself, on what the problem gives: no impacts made harder.
     ContactSolverOptions as_given;
     as_given.max_relative_regularization = 1;
-    for (ContactConstraint& c : p.contacts) c.max_penetration_speed = std::numeric_limits<double>::infinity();
+    for (ContactConstraint& c : p.contacts) c.hardening_speed = std::numeric_limits<double>::infinity();
     p.velocity = start;
     if (solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, as_given).converged)
       law = std::max(law, LawViolation(p, start, p.velocity));

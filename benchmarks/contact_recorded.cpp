@@ -46,7 +46,7 @@ Problem ProblemOf(const ContactProblem& given) {
 // and all, as of points that slid; and impacts are made no harder.
 void SayPlainly(Problem& p) {
   for (ContactConstraint& a : p.contacts) {
-    a.max_penetration_speed = std::numeric_limits<double>::infinity();
+    a.hardening_speed = std::numeric_limits<double>::infinity();
     a.previous_utilization = 2;
     for (const ContactConstraint& b : p.contacts)
       if (a.port_a == b.port_a && a.port_b == b.port_b) {

@@ -114,13 +114,13 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
   out.compliance.is_moved = trace / 3 > out.compliance.least_R;
   out.compliance.inverse_mass = out.compliance.is_moved ? trace / 3 : 0;
   out.reach = reach;
-  out.compliance.R_n = out.compliance.material_R_n = in.compliance_normal;
+  out.compliance.R_n = out.compliance.unloaded_R_n = in.compliance_normal;
   out.compliance.R_t = in.compliance_tangent;
   out.velocity.start = u;
   out.turning.start = turning;
   out.scale.setOnes();
   if (in.friction_scale[0] != 1 || in.friction_scale[1] != 1) ScaleTangents(in.friction_scale, out);
-  out.compliance.depth = in.max_penetration_speed;
+  out.compliance.hardening_speed = in.hardening_speed;
   out.previous.tangents = in.previous_impulse.tail<2>().cwiseQuotient(out.scale.tail<2>());
   out.previous.normal = in.previous_impulse[0];
   out.previous.utilization = in.previous_utilization;
@@ -151,7 +151,8 @@ void RegularizedContactProblem::SetPairCompliance(PairRows& pair, double max_rel
         std::min(1.0, max_relative_regularization * point.compliance.inverse_mass / point.compliance.R_n);
     pair.material_R_n = std::min(pair.material_R_n, stiffer * point.compliance.R_n);
     pair.material_R_t = std::min(pair.material_R_t, stiffer * point.compliance.R_t);
-    stiffer = std::min(stiffer, point.compliance.LoadedShare(point.previous.normal));
+    stiffer =
+        std::min(stiffer, point.compliance.LoadedR_n(point.previous.normal) / point.compliance.unloaded_R_n);
     pair.R_n = std::min(pair.R_n, stiffer * point.compliance.R_n);
     pair.R_t = std::min(pair.R_t, stiffer * point.compliance.R_t);
     pair.least_R = std::max(pair.least_R, point.compliance.least_R);
@@ -183,17 +184,17 @@ void RegularizedContactProblem::ApplyPairCompliance(const PairRows& pair) {
   }
 }
 
-// Speed [m/s] by which the point gives that gives most, and the share of its R that would leave its depth.
+// Speed [m/s] by which the point gives that gives most, and the share of its R that its material has under that load.
 RegularizedContactProblem::Pressed RegularizedContactProblem::PressedIn(const PairRows& pair) const {
   // Twice as soft is let pass: of what comes in one step the next one takes note.
   constexpr double kLetPass = 2;
   Pressed pressed;
   for (int i = pair.first; i < pair.first + pair.count; ++i) {
     const PointRows& point = points[static_cast<std::size_t>(i)];
-    const PointCompliance& give = point.compliance;
-    pressed.given = std::max(pressed.given, point.impulse[0] * give.R_n);
-    const double loaded = give.LoadedShare(point.impulse[0]) * give.material_R_n;
-    if (give.R_n > kLetPass * loaded) pressed.share = std::min(pressed.share, loaded / give.R_n);
+    const double R_n = point.compliance.R_n;
+    const double loaded = point.compliance.LoadedR_n(point.impulse[0]);
+    pressed.given = std::max(pressed.given, point.impulse[0] * R_n);
+    if (R_n > kLetPass * loaded) pressed.share = std::min(pressed.share, loaded / R_n);
   }
   return pressed;
 }

@@ -31,18 +31,18 @@ struct PointCompliance {
   double R_n = 0, R_t = 0;                    // 1/kg
   Vector3 R_turn = Vector3::Zero();           // 1/(kg m²), of moments about normal and tangents
   double least_R = 0;                         // before anything cancels
-  double material_R_n = 0;                    // of a small load
-  double depth = 0;                           // m/s: max_penetration_speed
+  double unloaded_R_n = 0;                    // of the material
+  double hardening_speed = 0;                 // m/s: ContactConstraint::hardening_speed
   double inverse_mass = 0;                    // tr(G Gᵀ)/3
   Vector3 inverse_inertia = Vector3::Zero();  // about normal and tangents
   bool is_moved = true;                       // by any freedom; otherwise it has no impulse and no R
 
-  /// R_n under an impulse as a share of material_R_n (ContactConstraint::max_penetration_speed).
-  double LoadedShare(double impulse) const {
-    const double linear = impulse * material_R_n;
-    if (!(linear > depth)) return 1;
+  /// R_n of the material under an impulse (ContactConstraint::hardening_speed).
+  double LoadedR_n(double impulse) const {
+    const double linear = impulse * unloaded_R_n;
+    if (!(linear > hardening_speed)) return unloaded_R_n;
     static_assert(ContactConstraint::kHardeningExponent == 8);
-    return depth / linear * std::sqrt(std::sqrt(std::sqrt(linear / depth)));
+    return hardening_speed / impulse * std::sqrt(std::sqrt(std::sqrt(linear / hardening_speed)));
   }
 };
 

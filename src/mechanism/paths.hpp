@@ -15,7 +15,7 @@ struct StraightPart {
   Vector3 from_R, to_R;  // m
   double divisor = 1;
 };
-/// Of a tendon, whose parts round obstacles end at bodies of these; none of other paths.
+/// The straight parts of a tendon; none for other paths. Ends on an obstacle are points of the obstacle's body.
 void FindStraightParts(const Mechanism::Path& path, const Kinematics& kinematics,
                        std::vector<StraightPart>& out);
 /// Fills the coordinates of path `index` of the definition; joints are there.

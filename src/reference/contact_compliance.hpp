@@ -14,8 +14,8 @@ namespace fork1s::reference {
 
 struct ContactCompliance {
   double normal = 0, tangent = 0;  // R_n, R_t [m/s per N·s]
-  /// Normal speed R_n λ_n at the largest static penetration [m/s].
-  double max_penetration_speed = 0;
+  /// m/s: normal speed R_n λ_n above which the material hardens
+  double hardening_speed = 0;
 };
 
 inline ContactCompliance ComputeContactCompliance(const FullContactMaterial& material, double h) {

@@ -27,7 +27,7 @@ struct PointConstraint {
   double friction = 0, torsion = 0, rolling = 0;         // µ; radii [m]
   Vector2 friction_scale = Vector2::Ones();              // coefficients along the tangents as shares of µ
   double compliance_normal = 0, compliance_tangent = 0;  // m/s per N·s
-  double max_penetration_speed = std::numeric_limits<double>::infinity();  // m/s
+  double hardening_speed = std::numeric_limits<double>::infinity();  // m/s
   // Of the step before, in this frame.
   Vector3 previous_impulse = Vector3::Zero(), previous_moment = Vector3::Zero();  // N·s, N·m·s
   double previous_utilization = 0;
@@ -42,11 +42,12 @@ struct PointConstraint {
     const double largest = friction_scale.maxCoeff();
     return largest > 0 ? Vector2((friction_scale / largest).cwiseMax(1e-9)) : Vector2(Vector2::Ones());
   }
-  /// Compliance of the normal under an impulse as a share of compliance_normal: beyond max_penetration_speed the
-  /// impulse grows with the eighth power of the penetration.
+  /// Compliance of the normal under an impulse as a share of compliance_normal: beyond hardening_speed the impulse grows
+  /// with the power kHardening of the penetration.
+  static constexpr double kHardening = 8;
   double LoadedScale(double normal_impulse) const {
     const double linear = normal_impulse * compliance_normal;
-    return linear > max_penetration_speed ? std::pow(linear / max_penetration_speed, 1.0 / 8 - 1) : 1;
+    return linear > hardening_speed ? std::pow(linear / hardening_speed, 1 / kHardening - 1) : 1;
   }
   double Radius(int axis) const { return axis == 0 ? torsion : rolling; }
   /// Impulse [moment; force] on the body whose Jacobian is J.
@@ -64,6 +65,8 @@ struct BoundConstraint {
   double lower = 0, upper = std::numeric_limits<double>::infinity();  // N·s or N·m·s
   double previous_impulse = 0;
   double impulse = 0;  // in: initial guess; out: solution
+  // Above 0: a bias below 0 is reduced to where the impulse that it takes is at most this mass times it [kg].
+  double recovery_mass = 0;
 };
 
 }  // namespace fork1s::reference

@@ -113,6 +113,12 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
   problem.W = (0.5 * (problem.W + problem.W.transpose())).eval();
   problem.b = J * velocities + rows.bias.head(n);
   problem.magnitude = J.cwiseAbs() * velocities.cwiseAbs() + rows.bias.head(n).cwiseAbs();
+  for (std::size_t k = 0; k < bounds.size(); ++k) {
+    const BoundConstraint& bound = bounds[k];
+    const Eigen::Index row = problem.first_bound + static_cast<Eigen::Index>(k);
+    if (bound.recovery_mass > 0 && bound.bias < 0)
+      problem.b[row] -= bound.bias * std::max(0.0, 1 - bound.recovery_mass * problem.W(row, row));
+  }
   problem.previous = Eigen::Map<const VectorX>(previous.data(), n);
   problem.inverse_mass = Eigen::Map<const VectorX>(masses.data(), n);
   for (Eigen::Index i = 0; i < n; ++i)

@@ -155,7 +155,7 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     start_speed_[i] = speed(0);
     c.compliance_normal = compliance.normal;
     c.compliance_tangent = compliance.tangent;
-    c.max_penetration_speed = compliance.max_penetration_speed;
+    c.hardening_speed = compliance.hardening_speed;
     c.bias[0] = reference::ComputeGapBias(options.material, gap_[i], h);
     if (past) {
       c.previous_impulse = c.impulse = p.frame * (past->point.frame.transpose() * (longer * past->impulse));
@@ -190,6 +190,8 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       limit_gap_.push_back(upper ? stop.upper - length : length - stop.lower);
       limit_speed_.push_back(limit.sign * m.LengthRate(stop.length, m.q(), m.q_dot()));
       limit.bias = reference::ComputeGapBias(options.material, limit_gap_.back(), h);
+      if (m.mechanism().IsTendon(stop.length))
+        limit.recovery_mass = m.mechanism().total_mass() / (stop.length.gear * stop.length.gear);
       limit.impulse = longer * blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
       limits_.push_back(limit);
     }

@@ -143,8 +143,9 @@ void BoundRecoveryMomentum(const Bodies& bodies, ConstraintRows& rows) {
       for (std::size_t k = 0; k < part.limits.size(); ++k) {
         LimitConstraint& limit = rows.limits[next++];
         const auto at = static_cast<std::size_t>(part.limits[k] / 2);
-        if (!(limit.bias < 0) || m.length_limits()[at].length.path < 0 || part.Y.rows() == 0) continue;
-        const double inverse_mass = part.Y.col(part.LimitRow(k)).squaredNorm();
+        const Mechanism::Length& length = m.length_limits()[at].length;
+        if (!(limit.bias < 0) || !m.mechanism().IsTendon(length) || part.Y.rows() == 0) continue;
+        const double inverse_mass = part.Y.col(part.LimitRow(k)).squaredNorm() / (length.gear * length.gear);
         limit.bias *= std::min(1.0, m.mechanism().total_mass() * inverse_mass);
       }
       next += part.frictions.size();

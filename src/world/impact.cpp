@@ -105,15 +105,20 @@ bool MayHavePassed(const ImpactView& at, double h) {
   return false;
 }
 
-StepSubject FindPassed(const ImpactView& at) {
+StepSubject FindTunnelling(const ImpactView& at) {
   const Detection& d = at.detection;
   for (std::size_t i = 0; i < d.points.size(); ++i) {
     const ContactPoint& p = d.points[i];
     const double most = 0.5 * d.shapes.InnerPairSize(p);
     if (!(d.PairMotion(p.body_a, p.body_b) > most)) continue;
-    const double closed =
-        p.frame.row(0) * (d.MotionInStage(p.body_a, p.point) - d.MotionInStage(p.body_b, p.point));
-    if (at.approaches.pose_gaps[i] + closed < -most) return ContactOf(p);
+    const auto moved = [&](const Vector3& p_W) -> Vector3 {
+      return d.MotionInStage(p.body_a, p_W) - d.MotionInStage(p.body_b, p_W);
+    };
+    if (!(at.approaches.pose_gaps[i] + p.frame.row(0) * moved(p.point) < -most)) continue;
+    // A spinning body may turn about the point.
+    for (const Vector3& p_W : {p.point, d.poses[static_cast<std::size_t>(p.body_a)].translation(),
+                               d.poses[static_cast<std::size_t>(p.body_b)].translation()})
+      if (moved(p_W).norm() > most) return ContactOf(p);
   }
   return {};
 }

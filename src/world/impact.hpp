@@ -61,6 +61,6 @@ StepSubject FindBeyondAtBasePoint(const ImpactView& at, double h, bool contacts)
 bool MayHavePassed(const ImpactView& at, double h);
 /// Two shapes that a solved stage has led through each other: its contact at the end shows a face along whose normal the
 /// points that touch there overlapped at the start of the stage by more than half of the sum of two inner radii.
-StepSubject FindPassed(const ImpactView& at);
+StepSubject FindTunnelling(const ImpactView& at);
 
 }  // namespace fork1s

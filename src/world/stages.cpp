@@ -8,7 +8,8 @@
 // A step that contains an event is taken as two of half the length, and so on: an impact, a change of
 // saturation between its stages, a stage that does not converge. The shortest parts are one stage with b = h,
 // backward Euler: extrapolated, the velocity that the first stage stopped would come back. No stage is
-// accepted unless it is solved; where the shortest parts are not, the step is undone.
+// accepted unless it is solved; where the shortest parts are not, the step is undone. Where they have led one shape
+// through another they are accepted and reported.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -26,8 +27,10 @@ namespace {
 constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // Points come and go, and normals jump, with poses that differ by rounding or little more: where an edge lies flat, at
 // facets of meshes. The equation jumps there, and iterations swing between its sides. Where residuals are small
-// (StageResidual) after as many iterations, contacts stay as they are, each with its plane.
+// (StageResidual) after as many iterations, where most stages take three or fewer, contacts stay as they are,
+// each with its plane, until a residual is as many times what is negligible: 1e-4 of the length.
 constexpr int kIterationsWithDetection = 4;
+constexpr double kReleasedContacts = 1e4;
 
 }  // namespace
 
@@ -157,9 +160,10 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   stage_.all_stops = stage_.rows_from_start = stage_.keeps_contacts = false;
   StartStops(history_.TimeStepRatio(stage.h), stops_);
   StageResidual last;
-  StepSubject passed;  // by the contacts found last
+  StepSubject passed;    // by the contacts found last
+  double passed_by = 0;  // m
   int growths = 0, max_iterations = kMaxNewtonIterations;
-  bool inertial = false;
+  bool inertial = false, has_kept_contacts = false;
   bool is_fresh = scheme != StageScheme::kSecondOfTwo;
   for (int iteration = 1;; ++iteration) {
     ++report.stage_iterations;
@@ -187,7 +191,11 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report);
         event != HalvingCause::kNone)
       return event;
-    if (!stage_.keeps_contacts) passed = stage_.rows_from_start ? StepSubject() : FindPassed(Impacts());
+    if (!stage_.keeps_contacts) {
+      passed = stage_.rows_from_start ? StepSubject() : FindTunnelling(Impacts());
+      if (passed.kind != StepSubject::Kind::kNone)
+        passed_by = detection_.PairMotion(passed.index, passed.part);
+    }
     const StageResidual found = [&] {
       const PartClock clock(times_, &StepPartTimes::moving);
       // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides
@@ -212,8 +220,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
     // By a matrix of another pose a growth says nothing of the equation.
     growths += iteration > 1 && is_fresh && !(found.ratio < last.ratio) ? 1 : 0;
     last = found;
-    if (!stage_.keeps_contacts && iteration >= kIterationsWithDetection && found.is_small) {
-      stage_.keeps_contacts = true;
+    if (stage_.keeps_contacts && found.negligible > kReleasedContacts) stage_.keeps_contacts = false;
+    if (!has_kept_contacts && iteration >= kIterationsWithDetection && found.is_small) {
+      stage_.keeps_contacts = has_kept_contacts = true;
       growths = 0;
       max_iterations = std::max(max_iterations, iteration + kMaxNewtonIterations);
     }
@@ -237,10 +246,9 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
         report.stage_residual = found.largest;
         report.stage_residual_of = found.subject;
       }
-      // Which of two places the other body is at is then as uncertain as it moved.
+      // The side on which the body ends is uncertain, and its place by its motion in the stage.
       if (has_passed) {
-        report.stage_residual =
-            std::max(report.stage_residual, detection_.PairMotion(passed.index, passed.part));
+        report.stage_residual = std::max(report.stage_residual, passed_by);
         report.stage_residual_of = passed;
       }
       if (scheme == StageScheme::kSecondOfTwo) report.halving_of = FindSaturationChange(bodies_, stage.h);

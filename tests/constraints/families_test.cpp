@@ -27,7 +27,7 @@ TEST_P(Families, AreSolvedAndObeyTheLaw) {
   for (int i = 0; i < count; ++i) {
     Problem p = testing::DrawFamily(random, family);
     testing::GiveDefaultMaterial(p);
-    for (ContactConstraint& c : p.contacts) c.max_penetration_speed = std::numeric_limits<double>::infinity();
+    for (ContactConstraint& c : p.contacts) c.hardening_speed = std::numeric_limits<double>::infinity();
     const VectorX start = p.velocity;
     const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, options);
     ASSERT_TRUE(p.velocity.allFinite()) << i;

@@ -33,7 +33,7 @@ Problem Between(int others, int points) {
       c.J_b = rows(at - 0.15 * normal);
       c.friction = 0.8;
       c.compliance_normal = c.compliance_tangent = 1e-4;
-      c.max_penetration_speed = 1;
+      c.hardening_speed = 1;
       c.previous_impulse = c.impulse = Vector3(1, 0.1 + 0.05 * i, 0.2 - 0.1 * i);
       p.contacts.push_back(c);
     }

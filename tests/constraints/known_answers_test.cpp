@@ -60,7 +60,7 @@ TEST(Contact, DrivenPlatePressesOnBall_ImpulseOfTheMaterial) {
                   TouchAt(0, Vector3(0, 0, 0.01), 6, Vector3(0, 0, -0.1), Vector3::UnitZ(), 0.5)};
     for (ContactConstraint& c : p.contacts) {
       c.compliance_normal = c.compliance_tangent = kCompliance;
-      c.max_penetration_speed = kDepth;
+      c.hardening_speed = kDepth;
       c.previous_impulse[0] = c.impulse[0] = previous;
     }
     p.velocity[11] = -kSpeed;
@@ -87,7 +87,7 @@ TEST(Contact, PlateIsDriven_WhereItMovesLessThanHardContactGives) {
                   TouchAt(0, Vector3(0, 0, 0.01), 6, Vector3(0, 0, -0.1), Vector3::UnitZ(), 0.5)};
     for (ContactConstraint& c : p.contacts) {
       c.compliance_normal = c.compliance_tangent = 0.01;
-      c.max_penetration_speed = kDepth;
+      c.hardening_speed = kDepth;
     }
     p.velocity[11] = -0.15;
     return p;
@@ -108,8 +108,8 @@ TEST(Contact, PlateIsDriven_WhereItMovesLessThanHardContactGives) {
 double GivenByMaterial(const Problem& p) {
   double sum = 0;
   for (const ContactConstraint& c : p.contacts)
-    sum += c.max_penetration_speed *
-           std::pow(std::max(1.0, c.impulse[0] * c.compliance_normal / c.max_penetration_speed), 1.0 / 8);
+    sum += c.hardening_speed * std::pow(std::max(1.0, c.impulse[0] * c.compliance_normal / c.hardening_speed),
+                                        1.0 / ContactConstraint::kHardeningExponent);
   return sum;
 }
 
@@ -126,7 +126,7 @@ TEST(Contact, HardensWithTheEighthPowerOfThePenetration) {
       p.contacts = {TouchAt(-1, Vector3::Zero(), 0, Vector3(0, 0, -0.01), Vector3::UnitZ(), 0.5)};
       ContactConstraint& c = p.contacts[0];
       c.compliance_normal = c.compliance_tangent = kCompliance;
-      c.max_penetration_speed = kDepth;
+      c.hardening_speed = kDepth;
       c.previous_impulse[0] = c.impulse[0] = impulse;
       p.velocity[5] = -penetration * kDepth;
       ContactSolverOptions options;
@@ -147,7 +147,7 @@ TEST(Contact, HeavyPressesOnLight_NoDeeperThanTwiceItsMaterialGives) {
       Problem p = HeavyOnLight(0.01, 0.01 * ratio);
       for (ContactConstraint& c : p.contacts) {
         c.compliance_normal = c.compliance_tangent = 0.01;
-        c.max_penetration_speed = kDepth;
+        c.hardening_speed = kDepth;
       }
       p.velocity[5] = 0;
       p.velocity[11] = -speed;
@@ -171,7 +171,7 @@ TEST(Contact, HeavyPressesOnStack_NoDeeperThanTwiceItsMaterialGives) {
               TouchAt(6 * (i - 1), Vector3(0, 0, 0.01), 6 * i, Vector3(0, 0, -0.01), Vector3::UnitZ(), 0.5));
           if (i == 0) p.contacts.back().port_a = -1;
           p.contacts.back().compliance_normal = p.contacts.back().compliance_tangent = 0.01 * (1 + i % 3);
-          p.contacts.back().max_penetration_speed = kDepth;
+          p.contacts.back().hardening_speed = kDepth;
         }
         p.velocity[6 * count + 5] = -speed;
         EXPECT_TRUE(SolveProblem(p).converged);

@@ -167,7 +167,7 @@ inline void GiveDefaultMaterial(Problem& p) {
   for (ContactConstraint& c : p.contacts) {
     c.compliance_normal = 1 / (kStep * 5 * kStep * 1e6);
     c.compliance_tangent = 1 / (kStep * kStep * 1e6);
-    c.max_penetration_speed = 1e-5 / (5 * kStep);
+    c.hardening_speed = 1e-5 / (5 * kStep);
   }
 }
 

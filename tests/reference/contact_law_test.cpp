@@ -161,7 +161,7 @@ TEST(ContactCompliance, AgreesWithReducedSimulator) {
     const ContactCompliance compliance = ComputeContactCompliance(mine, h);
     EXPECT_NEAR(compliance.normal / c.compliance_normal, 1, 1e-14);
     EXPECT_NEAR(compliance.tangent / c.compliance_tangent, 1, 1e-14);
-    EXPECT_NEAR(compliance.max_penetration_speed / c.max_penetration_speed, 1, 1e-14);
+    EXPECT_NEAR(compliance.hardening_speed / c.hardening_speed, 1, 1e-14);
     EXPECT_NEAR(ComputeGapBias(mine, gap, h) / c.bias[0], 1, 1e-14);
     EXPECT_NEAR(ComputeGapBias(mine, gap, h) / StopBias(other, gap, h), 1, 1e-14);
   }

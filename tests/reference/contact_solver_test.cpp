@@ -38,7 +38,7 @@ Constraints ConstraintsOf(const Problem& p) {
     point.rolling = c.rolling;
     point.compliance_normal = c.compliance_normal;
     point.compliance_tangent = c.compliance_tangent;
-    point.max_penetration_speed = c.max_penetration_speed;
+    point.hardening_speed = c.hardening_speed;
     point.previous_impulse = c.previous_impulse;
     point.previous_moment = c.previous_moment;
     point.previous_utilization = c.previous_utilization;
@@ -148,7 +148,7 @@ TEST_P(Families, SolutionsOfReducedSimulatorSatisfyNaturalMap) {
     for (std::size_t i = 0; i < p.limits.size(); ++i)
       x[problem.first_bound + static_cast<int>(i)] = p.limits[i].impulse;
     if (std::any_of(problem.points.begin(), problem.points.end(), [&](const PointBlock& block) {
-          const double limit = all.points[static_cast<std::size_t>(block.constraint)].max_penetration_speed;
+          const double limit = all.points[static_cast<std::size_t>(block.constraint)].hardening_speed;
           return x[block.row] * problem.R[block.row] > 2 * limit;
         }))
       continue;

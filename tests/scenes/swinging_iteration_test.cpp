@@ -158,7 +158,8 @@ TEST(SwingingIteration, AChainRoundWheelsIsSolved) {
 }
 
 // A load on four slings under a hook on two ropes. Their tension turns with the hook, by more than its inertia in a step.
-std::string Crane(double load, double hook) {
+// With `geared` actuators hold the ropes, as springs of the same stiffness by gears of -2.
+std::string Crane(double load, double hook, bool geared) {
   std::string sites, slings;
   for (int i = 0; i < 4; ++i) {
     sites += fmt::format("<site name='l{}' pos='{} {} .5'/>", i, i % 2 == 0 ? 0.9 : -0.9, i < 2 ? 0.4 : -0.4);
@@ -166,25 +167,32 @@ std::string Crane(double load, double hook) {
         "<spatial stiffness='{}' damping='2000' springlength='0 2.15'><site site='h'/><site site='l{}'/></spatial>",
         200 * load, i);
   }
-  std::string ropes;
-  for (const char* side : {"a", "b"})
-    ropes += fmt::format(
-        "<spatial name='{0}' stiffness='{1}' damping='{2}' springlength='0 6'><site site='top_{0}'/><site "
-        "site='hook_{0}'/></spatial>",
-        side, 150 * load, 5 * load);
+  std::string ropes, actuators;
+  const double stiffness = 150 * load, damping = 5 * load;
+  for (const char* side : {"a", "b"}) {
+    const std::string spring =
+        fmt::format("stiffness='{}' damping='{}' springlength='0 6'", stiffness, damping);
+    ropes += fmt::format("<spatial name='{0}' {1}><site site='top_{0}'/><site site='hook_{0}'/></spatial>",
+                         side, geared ? "" : spring);
+    if (geared)
+      actuators +=
+          fmt::format("<general tendon='{}' gear='-2' gainprm='0' biastype='affine' biasprm='{} {} {}'/>",
+                      side, -3 * stiffness, -stiffness / 4, -damping / 4);
+  }
   return fmt::format(
       "<mujoco><worldbody><site name='top_a' pos='.2 0 9.7'/><site name='top_b' pos='-.2 0 9.7'/>"
       "<body pos='0 0 3.5'><freejoint/><geom type='box' size='.25 .1 .15' mass='{}'/><site name='hook_a' "
       "pos='.2 0 .1'/><site name='hook_b' pos='-.2 0 .1'/><site name='h' pos='0 0 -.15'/></body>"
       "<body name='load' pos='0.05 0 1.001'><freejoint/><geom type='box' size='1 .5 .5' mass='{}'/>{}</body>"
-      "</worldbody><tendon>{}{}</tendon></mujoco>",
-      hook, load, sites, slings, ropes);
+      "</worldbody><tendon>{}{}</tendon><actuator>{}</actuator></mujoco>",
+      hook, load, sites, slings, ropes, actuators);
 }
 
 TEST(SwingingIteration, AHeavyLoadUnderALightHookIsSolved) {
   for (const auto& [load, hook] :
        {std::pair{2000.0, 80.0}, {5000.0, 20.0}, {20000.0, 200.0}, {20000.0, 80.0}, {20000.0, 20.0}})
-    EXPECT_EQ(StepsOf(Crane(load, hook), {}, 4).unsolved, 0) << load << " kg, " << hook << " kg";
+    for (const bool geared : {false, true})
+      EXPECT_EQ(StepsOf(Crane(load, hook, geared), {}, 4).unsolved, 0) << load << " kg, " << hook << " kg";
 }
 
 }  // namespace

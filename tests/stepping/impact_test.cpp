@@ -162,10 +162,24 @@ TEST(Impact, PointsThatOverlappedByMoreThanHalfOfTheInnerRadiiHavePassed) {
     c.detection.stage_start_poses[1].translation().z() = moved;
     c.approaches.pose_gaps = {0};
     c.detection.motion.in_world[1] = moved;
-    EXPECT_EQ(Found(FindPassed(c.At())), moved > 1.5) << moved;
+    EXPECT_EQ(Found(FindTunnelling(c.At())), moved > 1.5) << moved;
     c.detection.points[0].frame.row(0) = Vector3::UnitZ();
-    EXPECT_FALSE(Found(FindPassed(c.At())));
+    EXPECT_FALSE(Found(FindTunnelling(c.At())));
   }
+}
+
+TEST(Impact, WhatOverlapsAndMovesAsOneHasNotPassed) {
+  OneContact c;
+  c.detection.collision_bodies.resize(2);
+  for (CollisionBody& body : c.detection.collision_bodies) body.kind = CollisionBody::Kind::kFreeBody;
+  c.detection.points[0].frame.row(0) = -Vector3::UnitZ();
+  c.approaches.pose_gaps = {-2};  // beyond half of 3 m
+  c.detection.poses = c.detection.stage_start_poses = {RigidTransform(), RigidTransform()};
+  for (RigidTransform& pose : c.detection.stage_start_poses) pose.translation().z() = 5;
+  for (double& motion : c.detection.motion.in_world) motion = 5;
+  EXPECT_FALSE(Found(FindTunnelling(c.At())));
+  c.detection.stage_start_poses[0].translation().z() = 0;
+  EXPECT_TRUE(Found(FindTunnelling(c.At())));
 }
 
 // The predicted pose shows another face than the one that was met, if along its normal the pair overlaps at the base

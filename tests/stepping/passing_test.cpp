@@ -161,7 +161,7 @@ TEST(Interpenetration, ThrownRods_ThinPlate_AreStoppedOrReported) {
                                      Ellipsoid{Vector3(0.08, 0.02, 0.004)}};
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
-  int reported = 0;
+  int reported = 0, unsolved = 0;
   for (int i = 0; i < 300; ++i) {
     SCOPED_TRACE(i);
     const bool fast = i % 10 == 9 && i % 3 != 2;
@@ -187,9 +187,11 @@ TEST(Interpenetration, ThrownRods_ThinPlate_AreStoppedOrReported) {
       EXPECT_TRUE(fast || report.finite) << k;
     }
     reported += fast && !solved ? 1 : 0;
+    unsolved += !fast && !solved ? 1 : 0;
     EXPECT_TRUE(world.free_bodies()[0].pose().translation().z() > 0 || (fast && !solved)) << speed << " m/s";
   }
-  RecordProperty("reported", reported);
+  EXPECT_GT(reported, 0);
+  EXPECT_LE(unsolved, 3);  // of 280 slow throws
 }
 
 TEST(Interpenetration, JointsAndTendonsStopAtTheirStops) {

@@ -49,10 +49,12 @@ struct ContactConstraint {
   /// R_n, R_t [m/s per N·s]; 0: hard, 1e-11 of the inverse mass. Contacts between the same two ports have
   /// the compliance of the stiffest of them. Along a tangent with a smaller a_k R_t is larger by (max a/a_k)².
   double compliance_normal = 0, compliance_tangent = 0;
-  /// R_n λ_n [m/s] above which the material hardens, unless the contact gives way: λ_n grows with this power of
-  /// R_n λ_n, so that a heavy load presses in little deeper and an interference bears a bounded load.
+  /// Beyond `hardening_speed` λ_n is proportional to this power of what it presses in by, so that a heavy load presses in
+  /// little deeper and an interference bears a bounded load.
   static constexpr int kHardeningExponent = 8;
-  double max_penetration_speed = std::numeric_limits<double>::infinity();
+  /// m/s: R_n λ_n above which the material hardens, unless the contact gives way. R_n is that under the
+  /// normal impulse of the last step.
+  double hardening_speed = std::numeric_limits<double>::infinity();
   Vector3 previous_impulse = Vector3::Zero();  // λ₀, in this frame
   double previous_utilization = 0;             // of the last step
   double utilization = 0;                      // out: |y| as a share of µ λ_n: above 1 it slides

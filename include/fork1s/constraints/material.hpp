@@ -1,6 +1,7 @@
 // Contact material: a spring and a damper at each point, in SI units.
 //
-// A point carries the force k (δ + τ δ̇) for a depth δ at the end of the step, never less than 0, and k s
+// A point carries the force k (δ + τ δ̇) for a depth δ at the end of the step, never less than 0, k growing with δ beyond
+// `depth` (ContactConstraint::kHardeningExponent), and k s
 // along its tangents, s what the two surfaces have moved against each other since it touched, up to the cone.
 // In the rows of a step,
 //     R_n = 1/(h (h + τ) k),   b_n = gap/h while open, gap/(h + τ) once closed,   R_t = 1/(h² k)
@@ -22,7 +23,7 @@ struct ContactMaterial {
 
 inline void SetMaterial(const ContactMaterial& material, double gap, double h, ContactConstraint& c) {
   const double k = material.stiffness, tau = material.relaxation_steps * h;
-  c.max_penetration_speed = material.depth / (h + tau);
+  c.hardening_speed = material.depth / (h + tau);
   c.compliance_normal = 1 / (h * (h + tau) * k);
   c.compliance_tangent = 1 / (h * h * k);
   c.bias[0] = gap > 0 ? gap / h : std::max(gap / (h + tau), -material.max_push_speed);

@@ -210,6 +210,12 @@ class Mechanism {
   const std::vector<Coupling>& couplings() const { return couplings_; }
   /// Those of the definition, then those of forces that act on the angular velocity of a joint.
   const std::vector<Path>& paths() const { return paths_; }
+  /// Whether a length is that of a spatial tendon, times a gear.
+  bool IsTendon(const Length& length) const {
+    return length.path >= 0 && length.terms.empty() &&
+           paths_[static_cast<std::size_t>(length.path)].kind == PathKind::kTendon &&
+           paths_[static_cast<std::size_t>(length.path)].rates.empty();
+  }
   const std::vector<Spring>& springs() const { return springs_; }
   const std::vector<Control>& controls() const { return controls_; }
   const std::vector<Muscle>& muscles() const { return muscles_; }

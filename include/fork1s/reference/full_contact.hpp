@@ -6,7 +6,7 @@ namespace fork1s {
 /// Spring and damper beneath each contact point (docs/method.md, section 6).
 struct FullContactMaterial {
   double stiffness = 1e6;       // k [N/m]
-  double depth = 1e-5;          // m: largest static penetration; a larger load meets a stiffer spring
+  double depth = 1e-5;          // m: up to it the load is linear; deeper it grows with the eighth power
   double relaxation_steps = 4;  // τ/h: time constant of the damper in steps
   double max_push_speed = 0.1;  // m/s: largest speed at which an initial overlap is resolved
 };

@@ -105,8 +105,9 @@ struct StepReport {
   /// metric: b |A⁻¹r| over the root of the mass, r the residual of the stage's equation.
   double stage_residual = 0;
   StepSubject stage_residual_of;
-  /// False where a stage stagnated above its tolerance within 1e-6 of a length, as it does where contacts of
-  /// a mesh jump, or where the step was undone because its shortest parts did not converge.
+  /// False where a stage stagnated above its tolerance within 1e-6 of a length, where the step was undone because its
+  /// shortest parts did not converge, or where these have led one shape through another; `stage_residual` is at least what
+  /// the two have moved then.
   bool stages_converged = true;
   HalvingCause halving = HalvingCause::kNone;  // of the whole step
   StepSubject halving_of;                      // what caused it

@@ -153,7 +153,7 @@ bool ComputePathForces(const StepContext& ctx) {
   forces.assign(m.paths().size(), 0.0);
   if (forces.empty()) return false;
   const auto add = [&](const Mechanism::Length& length, auto force) {
-    if (length.path >= 0) forces[At(length.path)] += force();
+    if (length.path >= 0) forces[At(length.path)] += length.gear * force();
   };
   for (const Mechanism::Spring& s : m.springs())
     add(s.length, [&] { return s.Force(Length(ctx, s.length)); });
