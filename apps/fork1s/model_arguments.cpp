@@ -13,6 +13,7 @@
 #include "held_errors.hpp"
 #include "mechanism/names.hpp"
 #include "record/child_reader.hpp"
+#include "spatial/roll_pitch_yaw.hpp"
 
 namespace fork1s::app {
 namespace {
@@ -48,11 +49,7 @@ Expected<RigidTransform> ParsePose(const std::string& text, const std::string& o
   auto n = ParseNumbers(text, turned ? 6 : 3, option);
   if (!n) return tl::unexpected(n.error());
   RigidTransform X(Vector3((*n)[0], (*n)[1], (*n)[2]));
-  if (turned)
-    X.rotation() =
-        (Eigen::AngleAxisd((*n)[5], Vector3::UnitZ()) * Eigen::AngleAxisd((*n)[4], Vector3::UnitY()) *
-         Eigen::AngleAxisd((*n)[3], Vector3::UnitX()))
-            .toRotationMatrix();
+  if (turned) X.rotation() = RollPitchYawRotation({(*n)[3], (*n)[4], (*n)[5]});
   return X;
 }
 

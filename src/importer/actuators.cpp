@@ -27,6 +27,7 @@ void AddControl(Conversion& c, const LinearActuator& a, const ActuatorInput& inp
   control.is_velocity_setpoint = !input.setpoint && a.b2 < 0 && input.gain == -a.b2 &&
                                  c.m.actuator_gaintype[a.actuator] != mjGAIN_DCMOTOR;
   ControlSource& source = c.controls[mechanism].back();
+  source.servo = !a.muscle && a.b1 < 0;
   source.motor = !a.muscle && a.b1 == 0 && a.b2 == 0 && a.length.terms.size() == 1;
   for (const auto& term : a.length.terms) source.dofs.push_back(term.first);
 }

@@ -44,6 +44,7 @@ struct ControlSource {
   int ctrl = -1;       // index of the file's control; -1: made by pd, or of a switched equality
   int act = -1;        // of its activation, of a control with dynamics
   bool motor = false;  // pushes on one freedom and holds nothing
+  bool servo = false;  // has a position gain
   std::vector<int> dofs;
   std::vector<std::pair<int, double>> pd;  // dof and rest, for controls made by pd
   PdGains gains;                           // of those

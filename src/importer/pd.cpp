@@ -19,9 +19,12 @@ bool NamesAllJoints(const Conversion& c, const std::string& name) {
          std::find(c.joint_names.begin(), c.joint_names.end(), name) == c.joint_names.end();
 }
 
+bool HasGainsOfAll(const Conversion& c, const std::map<std::string, PdGains>& named) {
+  return named.count(kAllJoints) > 0 && NamesAllJoints(c, kAllJoints);
+}
+
 bool HasOwnGains(const Conversion& c, int dof, const std::map<std::string, PdGains>& named) {
-  return named.count(c.joint_names[c.m.dof_jntid[dof]]) > 0 ||
-         (named.count(kAllJoints) > 0 && NamesAllJoints(c, kAllJoints));
+  return named.count(c.joint_names[c.m.dof_jntid[dof]]) > 0 || HasGainsOfAll(c, named);
 }
 
 std::optional<Error> CheckGains(const std::string& where, const PdGains& gains) {
@@ -112,6 +115,12 @@ bool IsUnrestrained(const Conversion& c, int dof) {
   return !free && c.k[dof] == 0 && !c.in_spring[dof] && !c.coupled[dof];
 }
 
+bool HasSpring(const mjModel& m, int joint) {
+  if (m.opt.disableflags & mjDSBL_SPRING) return false;
+  const mjtNum* higher = m.jnt_stiffnesspoly + static_cast<std::ptrdiff_t>(mjNPOLY) * joint;
+  return m.jnt_stiffness[joint] > 0 || std::any_of(higher, higher + mjNPOLY, [](mjtNum k) { return k != 0; });
+}
+
 // Joints with a spring of their own and no position servo, which `gains` of a mechanism leave as they are.
 std::vector<std::string> SkippedForTheirSpring(const Conversion& c, int mechanism,
                                                const std::vector<int>& motors,
@@ -119,14 +128,13 @@ std::vector<std::string> SkippedForTheirSpring(const Conversion& c, int mechanis
   std::vector<std::string> skipped;
   for (int dof = 0; dof < c.m.nv; ++dof) {
     const int joint = c.m.dof_jntid[dof];
-    if (c.MechanismOf(dof) != mechanism || c.m.jnt_type[joint] == mjJNT_FREE ||
-        !(c.m.jnt_stiffness[joint] > 0))
+    if (c.MechanismOf(dof) != mechanism || c.m.jnt_type[joint] == mjJNT_FREE || !HasSpring(c.m, joint))
       continue;
     if (!motors.empty() && std::find(motors.begin(), motors.end(), dof) == motors.end()) continue;
     if (HasOwnGains(c, dof, named)) continue;
     const auto& sources = c.controls[mechanism];
     if (std::any_of(sources.begin(), sources.end(), [&](const ControlSource& s) {
-          return !s.motor && std::find(s.dofs.begin(), s.dofs.end(), dof) != s.dofs.end();
+          return s.servo && std::find(s.dofs.begin(), s.dofs.end(), dof) != s.dofs.end();
         }))
       continue;
     skipped.push_back(c.DofName(dof));
@@ -141,6 +149,7 @@ void HoldMechanism(Conversion& c, int mechanism, const PdGains& gains,
   const std::vector<int> motors = Motors(c, mechanism);
   const std::string where = fmt::format("mechanism '{}'", c.scene.mechanisms[mechanism].name);
   if (motors.empty() && !c.scene.mechanisms[mechanism].closures.empty()) {
+    if (HasGainsOfAll(c, named)) return;
     c.Note(ImportNote::Kind::kChosen, where,
            "it has loops and no motors, so pd cannot tell driven joints from passive ones and holds none; "
            "name them with joint-pd, JOINT=KP,KV, or all joints, all=KP,KV");

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "names.hpp"
+#include "spatial/roll_pitch_yaw.hpp"
 #include "urdf_parts.hpp"
 
 namespace fork1s::internal {
@@ -174,11 +175,7 @@ RigidTransform PoseOf(const XMLElement* element) {
   const std::vector<double> xyz = NumbersOf(element, "xyz"), rpy = NumbersOf(element, "rpy");
   RigidTransform X;
   if (xyz.size() == 3) X.translation() << xyz[0], xyz[1], xyz[2];
-  if (rpy.size() == 3) {
-    X.rotation() = (Eigen::AngleAxisd(rpy[2], Vector3::UnitZ()) *
-                    Eigen::AngleAxisd(rpy[1], Vector3::UnitY()) * Eigen::AngleAxisd(rpy[0], Vector3::UnitX()))
-                       .toRotationMatrix();
-  }
+  if (rpy.size() == 3) X.rotation() = RollPitchYawRotation({rpy[0], rpy[1], rpy[2]});
   return X;
 }
 

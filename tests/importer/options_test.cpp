@@ -187,6 +187,52 @@ TEST(ImportOptionsTest, PdOfAllJoints_HoldsEachAsIfItWereNamed) {
   EXPECT_EQ(one.scene.mechanisms[0].controls.size(), 1u);
 }
 
+// A velocity servo, a muscle and a motor over two joints have no position gain: the spring is why gains skip a joint.
+TEST(ImportOptionsTest, PdNamesJointsThatItSkipsForTheirSpring_ButNotThoseOfPositionServos) {
+  ImportOptions options;
+  options.pd = PdGains{30, 2};
+  std::string chain = R"(<mujoco><worldbody>
+    <body><joint name="v" axis="0 1 0" stiffness="4"/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="m" axis="0 1 0" stiffness="4" range="-1 1"/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="t" axis="0 1 0" stiffness="4"/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="p" axis="0 1 0" stiffness="4"/><geom size=".1"/>
+    <body pos="1 0 0"><joint name="bare" axis="0 1 0"/><geom size=".1"/></body></body></body></body></body></worldbody>
+    <tendon><fixed name="both"><joint joint="t" coef="1"/><joint joint="v" coef="1"/></fixed></tendon>
+    <actuator><velocity joint="v" kv="2"/><muscle joint="m" lengthrange="-1 1"/><motor tendon="both"/>
+      <position joint="p" kp="9"/></actuator></mujoco>)";
+  const ImportedScene loaded = MustLoad(chain, options);
+  EXPECT_TRUE(
+      HasNote(loaded.report, ImportNote::Kind::kChosen, "none of 'v', 'm' and 't', which have a spring"));
+  EXPECT_TRUE(HasNote(loaded.report, ImportNote::Kind::kChosen, "holds 1 freedoms: 'bare'"));
+
+  // A spring that only bends is one too.
+  std::string bends = chain;
+  bends.replace(bends.find("stiffness=\"4\""), 13, "stiffness=\"0 5 0\"");
+  EXPECT_TRUE(
+      HasNote(MustLoad(bends, options).report, ImportNote::Kind::kChosen, "none of 'v', 'm' and 't'"));
+
+  // Springs that the file disables hold nothing, and the gains hold their joints.
+  chain.insert(8, R"(<option><flag spring="disable"/></option>)");
+  const ImportedScene slack = MustLoad(chain, options);
+  EXPECT_FALSE(HasNote(slack.report, ImportNote::Kind::kChosen, "a spring; gains of all"));
+  EXPECT_TRUE(HasNote(slack.report, ImportNote::Kind::kChosen, "holds 3 freedoms: 'v', 't' and 'bare'"));
+}
+
+TEST(ImportOptionsTest, PdOfALoopWithoutMotors_OffersAllOnlyWhereItIsNotGiven) {
+  const std::string loop = R"(<mujoco><worldbody>
+    <body name="a"><joint axis="0 1 0"/><geom size=".1" pos=".5 0 0"/></body>
+    <body name="b" pos="2 0 0"><joint axis="0 1 0"/><geom size=".1" pos="-.5 0 0"/>
+      <body name="c" pos="-1 0 0"><joint axis="0 1 0"/><geom size=".1"/></body></body></worldbody>
+    <equality><connect body1="a" body2="c" anchor="1 0 0"/></equality></mujoco>)";
+  ImportOptions options;
+  options.pd = PdGains{30, 2};
+  EXPECT_TRUE(HasNote(MustLoad(loop, options).report, ImportNote::Kind::kChosen, "all joints, all=KP,KV"));
+  options.joint_pd["all"] = {40, 3};
+  const ImportedScene held = MustLoad(loop, options);
+  EXPECT_FALSE(HasNote(held.report, ImportNote::Kind::kChosen, "all=KP,KV"));
+  EXPECT_EQ(held.scene.mechanisms[0].controls.size(), 3u);
+}
+
 TEST(ImportOptionsTest, PdHoldsAllUnsprungJointsWithoutMotors) {
   std::string text = kHand;
   text.replace(text.find("<actuator>"), text.find("</actuator>") + 11 - text.find("<actuator>"), "");

@@ -1,7 +1,11 @@
 """What a model says before anything moves, against closed forms and against MuJoCo."""
 
+import os
 import pickle
 import struct
+import subprocess
+import sys
+import warnings
 import zlib
 
 import mujoco
@@ -195,6 +199,7 @@ def _grey_png():
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
 
 
+@pytest.mark.filterwarnings("ignore:texture .* is grey")
 @pytest.mark.parametrize("how", ["file", "assets", "assets with folders", "nested", "in XML"])
 def test_an_mjspec_with_attached_models_is_read(tmp_path, how):
     """Files of one name in two folders: MuJoCo writes names alone, and each is found where MuJoCo found it."""
@@ -242,6 +247,145 @@ def test_an_mjspec_with_attached_models_is_read(tmp_path, how):
     elif mujoco.mj_versionString() != fork1s.mujoco_version:
         with pytest.raises(fork1s.UsageError, match="load the MjSpec that it was compiled from"):
             fork1s.load(compiled)
+
+
+PLUGIN = """<extension><plugin plugin="mujoco.pid"><instance name="p"><config key="kp" value="5"/></instance></plugin></extension>
+  <worldbody><body><joint name="pid"/><geom size=".1"/></body></worldbody>
+  <actuator><plugin joint="pid" plugin="mujoco.pid" instance="p"/></actuator>"""
+
+
+def _with_plugin(text):
+    """The text with a plugin: its specifications and compiled models are read from XML, whatever MuJoCo's version is."""
+    return text.replace("</mujoco>", PLUGIN + "</mujoco>")
+
+
+def _text_of(model):
+    """The text that load made of an object of MuJoCo."""
+    from fork1s._load import recipe_of
+
+    return recipe_of(model)[0]
+
+
+@pytest.mark.parametrize("read", [mujoco.MjSpec.from_file, mujoco.MjModel.from_xml_path])
+def test_sides_of_a_cube_in_the_folder_of_the_model_stay(tmp_path, read):
+    path, text, _ = _mounted_part(tmp_path, "base", "assets", 1)
+    path.write_text(_with_plugin(text))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        text = _text_of(fork1s.load(read(str(path))))
+    side = tmp_path / "base" / "assets" / "paint.png"
+    assert f'fileright="{side}"' in text and f'fileleft="{side}"' in text
+
+
+def test_sides_of_a_cube_in_another_folder_become_grey_with_a_warning(tmp_path):
+    (path, text, _), (other, child_text, _) = (
+        _mounted_part(tmp_path, "base", "assets", 1),
+        _mounted_part(tmp_path, "arm", "meshes", 2),
+    )
+    path.write_text(_with_plugin(text))
+    other.write_text(child_text.replace('"paint.png"', '"other.png"'))
+    (tmp_path / "arm" / "meshes" / "paint.png").rename(tmp_path / "arm" / "meshes" / "other.png")
+    spec = mujoco.MjSpec.from_file(str(path))
+    child = mujoco.MjSpec.from_file(str(other))
+    spec.attach(child, prefix="arm_", frame=spec.worldbody.add_frame(pos=[0, 0, 1]))
+    with pytest.warns(UserWarning, match="texture 'arm_faces' is grey.*other.png.*spec.assets") as warned:
+        text = _text_of(fork1s.load(spec))
+    assert len(warned) == 1 and warned[0].filename == __file__
+    assert text.count("builtin=") == 1 and text.count("fileright=") == 1
+    # As assets they are found.
+    spec.assets["other.png"] = _grey_png()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert "builtin=" not in _text_of(fork1s.load(spec))
+
+
+@pytest.mark.filterwarnings("ignore:texture .* is grey")
+def test_a_texture_whose_file_is_gone_is_refused(tmp_path):
+    """Of one file, MuJoCo records the path: without it there is no model to read again, as with a mesh."""
+    path, text, _ = _mounted_part(tmp_path, "base", "assets", 1)
+    path.write_text(_with_plugin(text))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    (tmp_path / "base" / "assets" / "paint.png").unlink()
+    with pytest.raises(fork1s.UsageError, match="cannot be read again.*paint.png.*Load the path"):
+        fork1s.load(model)
+
+
+def test_assets_of_one_name_are_told_apart_by_their_paths(tmp_path):
+    """MuJoCo looks for a path among the keys, then for its last part, of which it takes the last key; then on the disk."""
+
+    def mesh(size):
+        return f"v 0 0 0\nv {size} 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n".encode()
+
+    text = _with_plugin(
+        """<mujoco><compiler meshdir="m"/><asset><mesh name="a" file="a/part.obj"/><mesh name="b" file="b/part.obj"/></asset>
+        <worldbody><body><joint stiffness="1"/><geom type="mesh" mesh="a"/></body>
+        <body><joint stiffness="1"/><geom type="mesh" mesh="b"/></body></worldbody></mujoco>"""
+    )
+
+    def masses(spec):
+        return sorted(mechanism.mass for mechanism in fork1s.load(spec).mechanisms)[-2:]
+
+    one, two = 1000 / 6, 2000 / 6
+    by_path = {"m/a/part.obj": mesh(1), "m/b/part.obj": mesh(2)}
+    assert masses(mujoco.MjSpec.from_string(text, assets=by_path)) == pytest.approx([one, two])
+    same = {"x/part.obj": mesh(2), "y/part.obj": mesh(2)}
+    assert masses(mujoco.MjSpec.from_string(text, assets=same)) == pytest.approx([two, two])
+    with pytest.raises(fork1s.UsageError, match="'m/a/part.obj'.*'a/part.obj' and 'b/part.obj'.*path"):
+        fork1s.load(mujoco.MjSpec.from_string(text, assets={"a/part.obj": mesh(1), "b/part.obj": mesh(2)}))
+    # MuJoCo compiles the asset, and not the file of the same path.
+    (tmp_path / "m" / "a").mkdir(parents=True)
+    (tmp_path / "m" / "a" / "part.obj").write_bytes(mesh(1))
+    (tmp_path / "model.xml").write_text(text)
+    spec = mujoco.MjSpec.from_file(str(tmp_path / "model.xml"), assets={"part.obj": mesh(2)})
+    assert sorted(spec.compile().body_mass)[-2:] == pytest.approx([two, two])
+    assert masses(spec) == pytest.approx([two, two])
+
+
+STORED_ELSEWHERE = """
+import pickle, sys, mujoco, fork1s
+from fork1s._sweep_identity import identity_of
+text, files, model = pickle.load(sys.stdin.buffer)
+if files:  # assets of its own, in a folder of its own
+    fork1s.load(mujoco.MjSpec.from_string(text, assets=files))
+print(identity_of(model, len).contents["model"], end="")
+"""
+
+
+@pytest.mark.parametrize("process", ["same", "fork", "spawned", "spawned with assets"])
+def test_a_model_with_stored_assets_counts_the_same_in_every_process(tmp_path, process):
+    """The folder of the process that stored the assets is no part of a model's identity."""
+    from fork1s._sweep_identity import identity_of
+
+    _, text, files = _mounted_part(tmp_path, "base", "assets", 1)
+    text = _with_plugin(text)
+    model = fork1s.load(mujoco.MjSpec.from_string(text, assets=files))
+    again = fork1s.load(mujoco.MjSpec.from_string(text, assets=files))
+    larger = {**files, "part.obj": files["part.obj"].replace(b"v 1", b"v 2")}
+    other = fork1s.load(mujoco.MjSpec.from_string(text, assets=larger))
+    expected = identity_of(model, len).contents["model"]
+    assert identity_of(other, len).contents["model"] != expected
+    if process == "same":
+        found = identity_of(again, len).contents["model"]
+    elif process == "fork":
+        read, write = os.pipe()
+        child = os.fork()
+        if child == 0:
+            fork1s.load(mujoco.MjSpec.from_string(text, assets=larger))
+            os.write(write, identity_of(model, len).contents["model"].encode())
+            os._exit(0)
+        os.close(write)
+        os.waitpid(child, 0)
+        with os.fdopen(read) as pipe:
+            found = pipe.read()
+    else:
+        done = subprocess.run(
+            [sys.executable, "-c", STORED_ELSEWHERE],
+            input=pickle.dumps((text, larger if "with assets" in process else {}, model)),
+            stdout=subprocess.PIPE,
+            check=True,
+        )
+        found = done.stdout.decode()
+    assert found == expected
 
 
 def test_base_pose_by_roll_pitch_and_yaw(scenes):

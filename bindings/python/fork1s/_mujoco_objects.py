@@ -16,6 +16,7 @@ import shutil
 import sys
 import tempfile
 import threading
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -120,33 +121,40 @@ def _text_of_spec(spec: Any, model: Any) -> str:
             element.set(key, _stored(os.path.basename(name), content))
         else:
             element.set(key, os.path.abspath(found or base / folder / name))
-    _replace_lost_textures(root)
+    _replace_lost_sides(root)
     return _without_folders(root)
 
 
 def _content(assets: Any, path: str) -> bytes | None:
-    """The content of a file among assets in memory, which MuJoCo finds by path or by the last part of it."""
-    by_name = {os.path.basename(key): key for key in assets}
-    key = path if path in assets else by_name.get(os.path.basename(path))
-    if key is None:
-        return None
-    content = assets[key]
-    return content.encode() if isinstance(content, str) else bytes(content)
+    """The content of a file among assets in memory, which MuJoCo finds by path or by the last part of it.
+
+    Either goes before a file on the disk. Of several keys with that last part MuJoCo takes the last, whatever their folders.
+    """
+    keys = [path] if path in assets else [k for k in assets if os.path.basename(k) == os.path.basename(path)]
+    contents = {c.encode() if isinstance(c, str) else bytes(c) for c in (assets[key] for key in keys)}
+    if len(contents) > 1:
+        raise UsageError(
+            f"MjSpec: the file '{path}' is none of its assets, of which {' and '.join(map(repr, keys))} have its name and "
+            "different contents; name the assets by the path, with meshdir or texturedir"
+        )
+    return next(iter(contents), None)
 
 
-_STORED: list[tuple[int, str]] = []  # process and folder
+# Process and folder of assets that were in memory. The folder goes with the process.
+_STORED: list[tuple[int, str]] = []
+_PREFIX = "fork1s_assets_"
 _STORING = threading.Lock()
 
 
-def stored_assets() -> str:
-    """The folder of assets that were in memory, which goes with the process; empty where there is none."""
-    return _STORED[-1][1] if _STORED else ""
+def without_stored_folders(text: str) -> str:
+    """A text whose stored assets are named by their content alone, not by the folder of the process that stored them."""
+    return re.sub(rf'(?<=")[^"]*/{_PREFIX}[^/"]*(?=/[0-9a-f]{{64}}/)', "", text)
 
 
 def _stored(name: str, content: bytes) -> str:
     with _STORING:
         if not _STORED or _STORED[-1][0] != os.getpid():
-            _STORED.append((os.getpid(), tempfile.mkdtemp(prefix="fork1s_assets_")))
+            _STORED.append((os.getpid(), tempfile.mkdtemp(prefix=_PREFIX)))
             atexit.register(_remove, *_STORED[-1])
         folder = Path(_STORED[-1][1]) / hashlib.sha256(content).hexdigest()
         if not (folder / name).exists():
@@ -160,16 +168,21 @@ def _remove(process: int, folder: str) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _replace_lost_textures(root: ElementTree.Element) -> None:
-    """Grey in place of files for the sides of a cube in other folders, which MuJoCo does not record."""
+def _replace_lost_sides(root: ElementTree.Element) -> None:
+    """Grey, with a warning, in place of files for the sides of a cube in other folders, which MuJoCo does not record."""
     for texture in root.iter("texture"):
-        files = [texture.attrib[key] for key in _FILE_KEYS if texture.get(key)]
-        if all(os.path.exists(file) for file in files):
+        lost = [texture.attrib[key] for key in _SIDE_KEYS if not os.path.exists(texture.get(key) or "/")]
+        if not lost:
             continue
-        for key in (*_FILE_KEYS, "gridsize", "gridlayout", "content_type"):
+        for key in (*_SIDE_KEYS, "gridsize", "gridlayout", "content_type"):
             texture.attrib.pop(key, None)
-        height = "8" if texture.get("type") == "2d" else "48"
-        texture.attrib.update(builtin="flat", rgb1="0.5 0.5 0.5", width="8", height=height)
+        texture.attrib.update(builtin="flat", rgb1="0.5 0.5 0.5", width="8", height="48")
+        warnings.warn(
+            f"texture '{texture.get('name')}' is grey: MuJoCo does not record where the files of a cube's sides lie, and "
+            f"there is no {' and no '.join(sorted(set(lost)))}; put them into the folder of the model, or their contents "
+            "among the assets of its MjSpec (spec.assets)",
+            stacklevel=5,  # whoever called load
+        )
 
 
 def _text_of_model(model: Any) -> str:
@@ -191,11 +204,21 @@ def _text_of_model(model: Any) -> str:
             ) from error
         root = ElementTree.parse(file).getroot()
     try:
-        for element, key, _ in _files(root):
+        # Of the sides of a cube nothing is recorded: they lie in the folder of the model, which recorded paths begin with.
+        bases, sides = [], []
+        for element, key, directory in _files(root):
+            name = os.path.join(directory, element.attrib[key])
             found = _recorded_path(mujoco, model, element) if key == "file" else None
             if found is not None:
                 element.set(key, os.path.abspath(found))
-        _replace_lost_textures(root)
+                if found.endswith("/" + name):
+                    bases.append(Path(found[: -len(name)]))
+            elif key in _SIDE_KEYS:
+                sides.append((element, key, name))
+        for element, key, name in sides:
+            places = [os.path.abspath(base / name) for base in (*bases, Path())]
+            element.set(key, next(filter(os.path.exists, places), places[0]))
+        _replace_lost_sides(root)
         text = _without_folders(root)
         again = mujoco.MjModel.from_xml_string(text)
     except Exception as error:
@@ -211,7 +234,8 @@ def _text_of_model(model: Any) -> str:
     return text
 
 
-_FILE_KEYS = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+_SIDE_KEYS = ("fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+_FILE_KEYS = ("file", *_SIDE_KEYS)
 
 
 def _files(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str, str]]:

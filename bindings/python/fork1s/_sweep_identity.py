@@ -119,8 +119,8 @@ class _Walk:
 
     def _add_source(self, source: Any, packages: Mapping[str, Any]) -> None:
         if _is_text(source):
-            folder = _mujoco_objects.stored_assets()
-            self._put("text", source.replace(folder, "") if folder else source)
+            source = _mujoco_objects.without_stored_folders(source)
+            self._put("text", source)
             files = _files_named(source.encode(errors="surrogatepass"), Path.cwd(), packages)
         else:
             files = {Path(source).absolute()} | _files_below(Path(source).absolute(), packages)

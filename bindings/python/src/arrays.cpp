@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "spatial/roll_pitch_yaw.hpp"
 #include "text.hpp"
 
 namespace fork1s::python {
@@ -101,9 +102,7 @@ RigidTransform ReadBasePose(nb::handle given, const char* argument) {
         "first) or a 4 x 4 matrix");
   RequireFinite(numbers, argument);
   const double* n = numbers.data();
-  const Quaternion q = Eigen::AngleAxisd(n[5], Vector3::UnitZ()) * Eigen::AngleAxisd(n[4], Vector3::UnitY()) *
-                       Eigen::AngleAxisd(n[3], Vector3::UnitX());
-  return {q, Vector3(n[0], n[1], n[2])};
+  return {RollPitchYawRotation({n[3], n[4], n[5]}), Vector3(n[0], n[1], n[2])};
 }
 
 }  // namespace fork1s::python
