@@ -328,17 +328,17 @@ class _Writer:
             for name, value in self._kept.items():
                 if value:
                     compiler.set(name, "true")
-        for element, directory in _mujoco_objects._files(root):
-            path = os.path.normpath(os.path.join(source, directory, element.attrib["file"]))
+        for element, key, directory in _mujoco_objects._files(root):
+            path = os.path.normpath(os.path.join(source, directory, element.attrib[key]))
             if not os.path.exists(path):
                 stripped = os.path.join(source, directory, os.path.basename(path))
                 if not os.path.exists(stripped):
                     raise ModelError(
-                        f"{self._path}: file '{element.attrib['file']}' of <{element.tag}> is not found from its folder, "
+                        f"{self._path}: file '{element.attrib[key]}' of <{element.tag}> is not found from its folder, "
                         "so the written model could not name it; put it beside the model"
                     )
                 path = stripped
-            element.set("file", os.path.relpath(path, folder))
+            element.set(key, os.path.relpath(path, folder))
         for element in root.iter("mesh"):
             piece = self._files.get(element.get("name", ""))
             if piece is not None:

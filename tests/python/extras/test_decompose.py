@@ -1,8 +1,10 @@
 """Colliding meshes in convex pieces: what falls into a cup, masses, files, the cache, what is refused."""
 
 import shutil
+import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -127,6 +129,23 @@ def test_a_ball_falls_into_the_cup(model, tmp_path):
         mujoco.mj_step(m, data)
     height = data.body("ball").xpos[2] - data.body("cup").xpos[2]
     assert height == pytest.approx(WALL + RADIUS, abs=1e-3)
+
+
+def test_sides_of_a_cube_texture_are_found_from_the_written_file(model, tmp_path):
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header, pixel = struct.pack(">IIBBBBB", 1, 1, 8, 2, 0, 0, 0), zlib.compress(b"\0\x20\x40\x60")
+    png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", pixel) + chunk(b"IEND", b"")
+    (tmp_path / "side.png").write_bytes(png)
+    texture = (
+        '<texture name="faces" type="cube" fileright="side.png"/><material name="faces" texture="faces"/>'
+    )
+    model.write_text(model.read_text().replace("<asset>", "<asset>" + texture))
+    shutil.copytree(tmp_path / "out_pieces", tmp_path / "elsewhere" / "out_pieces")
+    fork1s.decompose.decompose_meshes(model, tmp_path / "elsewhere" / "out.xml")
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "elsewhere" / "out.xml"))
+    assert list(m.tex_data[:3]) == [0x20, 0x40, 0x60]
 
 
 def test_pieces_have_the_volume_place_and_settings_of_the_mesh(model, tmp_path):
