@@ -9,6 +9,7 @@
 #include "box_box.hpp"
 #include "contact_patch.hpp"
 #include "cylinder_box.hpp"
+#include "geometry/interval.hpp"
 #include "sphere_on_grid.hpp"
 
 // MuJoCo's search for one point of two convex shapes is exact once its tolerance is set for it. Its several
@@ -221,17 +222,8 @@ int OnCapsule(const mjModel* m, const mjData* d, mjPreContact* contacts, int fou
 bool Pierces(const Posed& capsule, const Posed& box) {
   const Vector3 middle = box.R.transpose() * (capsule.p - box.p),
                 along = box.R.transpose() * (capsule.size[1] * capsule.R.col(2));
-  double from = -1, to = 1;
-  for (int k = 0; k < 3; ++k) {
-    if (along[k] == 0) {
-      if (std::abs(middle[k]) > box.size[k]) return false;
-      continue;
-    }
-    const double at = -middle[k] / along[k], half = box.size[k] / std::abs(along[k]);
-    from = std::max(from, at - half);
-    to = std::min(to, at + half);
-  }
-  return from < to;
+  const RayInterval inside = InBox(middle - along, 2 * along, box.size);
+  return inside.first < std::min(inside.last, 1.0);
 }
 // MuJoCo's routine seeks the point of the segment that is nearest to the box and says nothing, or that they are apart, of
 // a segment that meets it. That is a box without width, as deep in the other as the two boxes are, and by the radius more.

@@ -5,6 +5,7 @@
 #include <fork1s/stepping/mechanism_dynamics.hpp>
 #include <variant>
 
+#include "geometry/interval.hpp"
 #include "sensor_momentum.hpp"
 
 namespace fork1s {
@@ -31,30 +32,12 @@ int BodyOfGeometry(const Simulation& simulation, int collision_body, int geometr
   return simulation.BodyOfCollisionBody(collision_body);
 }
 
-// Where a ray p + t d is inside of something: t from `first` to `last`.
-struct Interval {
-  double first = 0, last = std::numeric_limits<double>::infinity();
-  bool is_empty() const { return !(first <= last); }
-};
-constexpr Interval kNowhere{1, 0};
-
-Interval Both(const Interval& a, const Interval& b) {
-  return {std::max(a.first, b.first), std::min(a.last, b.last)};
-}
-
-// Between the planes x = ±half.
-Interval InSlab(double p, double d, double half) {
-  if (d == 0) return std::abs(p) <= half ? Interval{} : kNowhere;
-  const double a = (-half - p) / d, b = (half - p) / d;
-  return {std::max(0.0, std::min(a, b)), std::max(a, b)};
-}
-
 // Where |p + t d| <= 1.
 template <int size>
-Interval InUnitBall(const Eigen::Matrix<double, size, 1>& p, const Eigen::Matrix<double, size, 1>& d) {
+RayInterval InUnitBall(const Eigen::Matrix<double, size, 1>& p, const Eigen::Matrix<double, size, 1>& d) {
   const double a = d.squaredNorm(), b = p.dot(d), c = p.squaredNorm() - 1, square = b * b - a * c;
-  if (a == 0) return c <= 0 ? Interval{} : kNowhere;
-  if (square < 0) return kNowhere;
+  if (a == 0) return c <= 0 ? RayInterval{} : kEmptyRayInterval;
+  if (square < 0) return kEmptyRayInterval;
   return {std::max(0.0, (-b - std::sqrt(square)) / a), (-b + std::sqrt(square)) / a};
 }
 
@@ -76,11 +59,7 @@ bool RayMeets(const Shape& shape, const Vector3& p, const Vector3& d) {
     return !in_cylinder(s->radius, s->half_length).is_empty();
   if (const auto* s = std::get_if<Ellipsoid>(&shape))
     return !InUnitBall<3>(Vector3(p.cwiseQuotient(s->radii)), Vector3(d.cwiseQuotient(s->radii))).is_empty();
-  if (const auto* s = std::get_if<Box>(&shape)) {
-    Interval inside;
-    for (int i = 0; i < 3; ++i) inside = Both(inside, InSlab(p(i), d(i), s->half(i)));
-    return !inside.is_empty();
-  }
+  if (const auto* s = std::get_if<Box>(&shape)) return !InBox(p, d, s->half).is_empty();
   return false;
 }
 

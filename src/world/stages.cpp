@@ -28,7 +28,8 @@ constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // Points come and go, and normals jump, with poses that differ by rounding or little more: where an edge lies flat, at
 // facets of meshes. The equation jumps there, and iterations swing between its sides. Where residuals are small
 // (StageResidual) after as many iterations, where most stages take three or fewer, contacts stay as they are,
-// each with its plane, until a residual is as many times what is negligible: 1e-4 of the length.
+// each with its plane, until a residual is as many times what is negligible: 1e-4 of the length, by whose square, which is
+// negligible again, the planes of surfaces as curved as the body is long are off.
 constexpr int kIterationsWithDetection = 4;
 constexpr double kReleasedContacts = 1e4;
 

@@ -20,7 +20,8 @@ TEST(Compare, HasThePromisedKeys) {
     EXPECT_TRUE(json["interface"][0].contains(key)) << key;
   EXPECT_EQ(json["interface"][0]["body"], "tip");
   EXPECT_EQ(json["free_bodies"][0]["body"], "ball");
-  // A ball that falls: both take the same steps, but for which loads they know where it lands, 0.015 mm deep.
+  // A ball that falls: both take the same steps, but for parts of the one in which it lands, which leave it 4 and 1.5 um
+  // deep in the floor.
   EXPECT_LT(json["free_bodies"][0]["max_mm"].get<double>(), 5e-3);
   EXPECT_EQ(json["frequencies_hz"]["full"].size(), 2u);
   EXPECT_EQ(json["equal_dt"].size(), 3u);

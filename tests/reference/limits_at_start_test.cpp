@@ -141,6 +141,39 @@ TEST_P(StartOutsideLimits, SumOfJointsAndJoint_EndInside) {
   }
 }
 
+// A spatial tendon of the inverse mass W = r²/I is brought inside at 0.1 m/s times min(1, m W), m and I those of a mass at
+// 0.2 m from the hinge: on both sides of m W = 1, in both simulators.
+TEST_P(StartOutsideLimits, TendonOfALever_ComesInsideByItsInverseMass) {
+  const double h = GetParam(), time = 0.1, at = 0.2;  // s, m
+  for (const double lever : {0.1, 0.19, 0.21, 0.3}) {
+    SCOPED_TRACE(lever);
+    const Scene scene =
+        Import(fmt::format(R"(<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+    <site name="top" pos="{0} 0 1"/><body name="arm"><joint name="j" axis="0 -1 0"/><site name="eye" pos="{0} 0 0"/>
+    <inertial pos="{1} 0 0" mass="2" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody><tendon>
+    <spatial name="rope" limited="true" range="0 .95"><site site="top"/><site site="eye"/></spatial></tendon></mujoco>)",
+                           lever, at));
+    const double rate = 0.1 * std::min(1.0, lever * lever / (at * at)) / lever;  // rad/s
+    // The lever turns by 0.05 rad at most, and its arm changes by the square of that.
+    const auto check = [&](double turned) { EXPECT_NEAR(turned, rate * time, 5e-3 * rate * time); };
+    for (const FullIntegrator integrator : {FullIntegrator::kEuler, FullIntegrator::kTwoStages}) {
+      FullSimulation full = Start(scene, h, integrator);
+      Advance(full, time);
+      check(full.Displacements(0)[0]);
+    }
+    for (const Integrator integrator : {Integrator::kEuler, Integrator::kTwoStage}) {
+      SimulationOptions options;
+      options.dt = h;
+      options.step.integrator = integrator;
+      auto reduced = Simulation::Create(scene, options);
+      ASSERT_TRUE(reduced) << reduced.error().Text();
+      for (int i = 0; i < static_cast<int>(std::lround(time / h)); ++i)
+        ASSERT_TRUE(reduced->Step().IsSolved()) << i;
+      check(reduced->JointCoordinates(0)[0]);
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Steps, StartOutsideLimits, ::testing::Values(1e-3, 4e-3, 1.0 / 120));
 
 }  // namespace
