@@ -105,12 +105,13 @@ Expected<CollisionWorld> CollisionWorld::Create(const std::vector<CollisionBodyD
       geom.reach = std::max(geom.reach, contact_pairs[static_cast<std::size_t>(pair)].margin);
     const int id = mj_name2id(m, mjOBJ_GEOM, internal::Text("g", k).c_str());
     if (id < 0) return Fail(ErrorCode::kModel, "collision model", "MuJoCo lost a geometry");
-    detail.geoms[static_cast<std::size_t>(id)] = geom;
     RigidTransform X_BM = geom.X_BG;
     if (geom.mesh >= 0) {
       const double* q = m->geom_quat + 4 * id;
       X_BM = RigidTransform(Quaternion(q[0], q[1], q[2], q[3]), Eigen::Map<Vector3>(m->geom_pos + 3 * id));
     }
+    geom.surface_velocity = AdjointApply(X_BM.inverse() * geom.X_BG, geom.surface_velocity);
+    detail.geoms[static_cast<std::size_t>(id)] = geom;
     if (bodies[static_cast<std::size_t>(geom.body)].moves) {
       by_body[static_cast<std::size_t>(geom.body)].push_back({id, X_BM});
     } else {

@@ -200,6 +200,8 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
       geom.moments = def.frictionless ? 0 : def.moments;
       geom.margin = def.margin;
       geom.gap = def.gap;
+      geom.adhesion = def.adhesion;
+      geom.surface_velocity = def.surface_velocity;
       geom.pairs = def.pairs;
       ShapeWriter writer{model, geom, body.moves, ""};
       const std::string shape = std::visit(writer, def.shape);
@@ -210,6 +212,9 @@ Expected<ModelText> WriteModelText(const std::vector<CollisionBodyDef>& bodies,
         writer.problem = "torsional and rolling friction must not be negative";
       if (!std::isfinite(def.margin)) writer.problem = "margin must be finite";
       if (!(def.gap >= 0 && std::isfinite(def.gap))) writer.problem = "gap must be finite and not negative";
+      if (!(def.adhesion >= 0 && std::isfinite(def.adhesion)))
+        writer.problem = "adhesion must be finite and not negative";
+      if (!def.surface_velocity.allFinite()) writer.problem = "surface velocity must be finite";
       if (!(def.restitution >= 0 && def.restitution <= 1)) writer.problem = "restitution must be 0 to 1";
       if (!writer.problem.empty()) {
         return Fail(ErrorCode::kModel, Place(body, static_cast<int>(g)), writer.problem);

@@ -33,7 +33,9 @@ struct CollisionGeom {
   double torsion = 0, rolling = 0;
   double restitution = 0;
   int moments = 0;
-  double margin = 0, gap = 0;
+  double margin = 0, gap = 0, adhesion = 0;
+  /// Of GeometryDef; once the model is compiled in and about MuJoCo's frame of the geom.
+  Vector6 surface_velocity = Vector6::Zero();
   std::vector<int> pairs;  // explicit contact pairs
   double reach = 0;        // m: largest distance from its shape at which it takes part in a contact
 };

@@ -247,6 +247,17 @@ void PairSearch::SortIn() {
   first_pair_.front() = 0;
 }
 
+// Of the surface of a geom within itself at a contact: about its normal, along its tangents.
+Vector3 PairSearch::SurfaceVelocity(int geom, const ContactPoint& at) const {
+  const Vector6& V = geoms_[static_cast<std::size_t>(geom)].surface_velocity;
+  const auto R = poses_.R(geom);
+  const Vector3 omega = R * V.head<3>();
+  const Vector3 velocity = R * V.tail<3>() + omega.cross(at.point - poses_.p(geom));
+  Vector3 along = at.frame * velocity;
+  along[0] = at.frame.row(0).dot(omega);
+  return along;
+}
+
 void PairSearch::Collide(const Pair& pair, const CollisionMargins& margins, PairScratch& scratch,
                          std::vector<ContactPoint>& contacts) const {
   const int a = pair.geom_a, b = pair.geom_b;
@@ -259,6 +270,7 @@ void PairSearch::Collide(const Pair& pair, const CollisionMargins& margins, Pair
       &scratch.model, &scratch.data, found.data(), a, b, margin + at);
   const CollisionGeom &geom_a = geoms_[static_cast<std::size_t>(a)],
                       &geom_b = geoms_[static_cast<std::size_t>(b)];
+  const bool surfaces_move = !geom_a.surface_velocity.isZero(0) || !geom_b.surface_velocity.isZero(0);
   for (int i = 0; i < count; ++i) {
     const mjPreContact& in = found[static_cast<std::size_t>(i)];
     if (!(in.dist - at < margin)) continue;
@@ -274,6 +286,7 @@ void PairSearch::Collide(const Pair& pair, const CollisionMargins& margins, Pair
       SetLaw(*own, out);
     else
       SetLaw(geom_a, geom_b, out);
+    if (surfaces_move) out.surface_velocity = SurfaceVelocity(b, out) - SurfaceVelocity(a, out);
   }
 }
 

@@ -74,6 +74,7 @@ class PairSearch {
   AxisBox BoxOf(int geom) const;
   const ContactPairDef* PairOf(int a, int b) const;
   double MarginOf(int a, int b, const ContactPairDef* pair) const;
+  Vector3 SurfaceVelocity(int geom, const ContactPoint& at) const;
   bool IsNear(int a, int b, double distance) const;
   bool MayTouch(int a, int b, const CollisionMargins& margins) const;
   bool DetectNamed(const CollisionMargins& margins, std::vector<ContactPoint>& contacts);

@@ -81,7 +81,7 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
   out.law.share = out.moments.share = 1;
   out.moments.radius = {std::max(0.0, in.torsion), std::max(0.0, in.rolling), std::max(0.0, in.rolling)};
   const bool has_moments = out.has_moments = out.moments.Any();
-  Vector3 u = in.bias, turning = Vector3::Zero();
+  Vector3 u = in.bias, turning(in.spin, 0, 0);
   out.compliance.inverse_inertia.setZero();
   Quad traces = Quad::Zero(), naturals = traces;
   double reach = u.cwiseAbs().sum();
@@ -107,7 +107,7 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
   const double trace = traces.sum(), natural = naturals.sum();
   if (!Finite(u.sum() + trace + in.previous_impulse.sum() + in.previous_moment.sum() + in.friction +
               in.friction_scale.sum() + in.torsion + in.rolling + in.compliance_normal +
-              in.compliance_tangent + in.impulse.sum() + in.moment.sum()))
+              in.compliance_tangent + in.impulse.sum() + in.moment.sum() + in.spin))
     return false;
   out.compliance.least_R = kMinRelativeRegularization * natural / 3;
   // On the axis of a hinge all of it cancels but rounding, of either sign.

@@ -175,13 +175,8 @@ void ConvertMechanism(Conversion& c, const Component& component, const std::vect
   c.controls.emplace_back();
 }
 
-void NoteBallLimits(Conversion& c) {
+void NoteLossesOfFreeJoints(Conversion& c) {
   const mjModel& m = c.m;
-  std::vector<std::string> names;
-  for (int j = 0; j < m.njnt; ++j) {
-    if (m.jnt_limited[j] && m.jnt_type[j] == mjJNT_BALL) names.push_back(c.joint_names[j]);
-  }
-  c.DroppedMany("ball joint limit", names, "a cone limit is not simulated");
   for (const Component& component : c.components) {
     if (component.base != BaseKind::kFloating && !component.free_body) continue;
     const int top = component.free_body ? component.tops[0] : component.base_body;
@@ -211,7 +206,7 @@ void ConvertBodies(Conversion& c) {
       ConvertMechanism(c, component, bodies);
     }
   }
-  NoteBallLimits(c);
+  NoteLossesOfFreeJoints(c);
 }
 
 }  // namespace fork1s::internal

@@ -127,9 +127,25 @@ void BoundPdControls(Conversion& c, const std::vector<bool>& driven) {
 
 }  // namespace
 
-void ConvertTendonLimits(Conversion& c) {
+void ConvertLengthLimits(Conversion& c) {
   const mjModel& m = c.m;
   if (m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT)) return;
+  std::vector<std::string> shared;
+  for (int j = 0; j < m.njnt; ++j) {
+    if (!m.jnt_limited[j] || m.jnt_type[j] != mjJNT_BALL || c.joint[j].mechanism < 0) continue;
+    if (IsBallOfSeveral(m, j)) {
+      shared.push_back(c.joint_names[j]);
+      continue;
+    }
+    LengthLimitDef limit;
+    limit.name = c.joint_names[j];
+    c.PutLength(BallAngle(m, j), limit);
+    limit.upper = BallLimit(m, j);
+    c.scene.mechanisms[static_cast<std::size_t>(c.joint[j].mechanism)].length_limits.push_back(
+        std::move(limit));
+  }
+  c.DroppedMany("ball joint limit", shared,
+                "another joint of its body turns it too; give each a body of its own");
   for (int t = 0; t < m.ntendon; ++t) {
     if (!m.tendon_limited[t]) continue;
     const Length length = TendonLength(m, c.d, t);

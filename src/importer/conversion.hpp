@@ -82,8 +82,8 @@ struct Conversion {
   std::vector<double> k, c;
   std::vector<std::vector<std::string>> held_by;
   std::vector<bool> in_spring, coupled;
-  std::vector<std::vector<ControlSource>> controls;   // parallel to MechanismDef::controls
-  std::vector<int> path_of_tendon, path_of_actuator;  // in its mechanism; -1: not yet made
+  std::vector<std::vector<ControlSource>> controls;                 // parallel to MechanismDef::controls
+  std::vector<int> path_of_tendon, path_of_actuator, path_of_ball;  // in its mechanism; -1: not yet made
   int initial_keyframe = -1;
   std::vector<SensorDef> actuators;  // what evaluates their forces
   std::vector<FileFrame> frames;
@@ -117,7 +117,7 @@ struct Conversion {
   /// the first time.
   template <class Def>
   void PutLength(const Length& length, Def& def) {
-    if (length.tendon >= 0 || length.actuator >= 0)
+    if (length.has_path())
       def.along = {PathOf(length), length.gear};
     else
       for (const auto& [dof, coefficient] : length.terms) def.terms.emplace_back(Freedom(dof), coefficient);
@@ -227,8 +227,8 @@ std::vector<std::string> ListedNames(const std::string& text,
 std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options);
 /// Initial states (keyframes.cpp).
 std::optional<Error> ConvertKeyframes(Conversion& c, const std::string& wanted);
-/// Stops of tendons (bounded_forces.cpp).
-void ConvertTendonLimits(Conversion& c);
+/// Stops of tendons and ball joints (bounded_forces.cpp).
+void ConvertLengthLimits(Conversion& c);
 /// Base pose and joint coordinates of the options, followers with an offset, joints and tendons inside their limits,
 /// loops closed (initial_state.cpp); before ApplyPd, which holds it.
 std::optional<Error> ApplyInitialState(Conversion& c, const ImportOptions& options,

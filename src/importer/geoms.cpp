@@ -164,20 +164,22 @@ std::vector<std::vector<int>> ConvertPairs(Conversion& c) {
     const mjtNum* friction = Overrides(m) ? m.opt.o_friction : m.pair_friction + 5 * k;
     const int dim = m.pair_dim[k];
     pair.friction = dim == 1 ? 0 : std::max(friction[0], friction[1]);
+    if (pair.friction > 0) pair.friction_scale = Vector2(friction[0], friction[1]) / pair.friction;
     if (dim >= 4) pair.torsion = friction[2];
     if (dim >= 6) pair.rolling = std::max(friction[3], friction[4]);
-    if ((dim > 1 && friction[0] != friction[1]) || (dim >= 6 && friction[3] != friction[4]))
-      by_direction.push_back(pair.name);
+    if (dim >= 6 && friction[3] != friction[4]) by_direction.push_back(pair.name);
     pair.restitution = RestitutionOf(DampingRatio(m, m.pair_solref + mjNREF * k));
     pair.margin = Overrides(m) ? m.opt.o_margin : m.pair_margin[k];
     pair.gap = m.pair_gap[k];
+    pair.adhesion = std::max(0.0, m.pair_adhesion[k]);
     for (int side : {g, h})
       pairs_of[static_cast<std::size_t>(side)].push_back(static_cast<int>(c.scene.contact_pairs.size()));
     c.scene.contact_pairs.push_back(std::move(pair));
   }
   c.DroppedMany("contact pair", rigid, "its geoms do not move relative to each other");
-  c.ChangedMany("contact pair", by_direction,
-                "friction is the same in all directions here, so the larger of the two coefficients acts");
+  c.ChangedMany(
+      "contact pair", by_direction,
+      "rolling friction is the same in all directions here, so the larger of its two coefficients acts");
   return pairs_of;
 }
 
@@ -218,6 +220,8 @@ void ConvertGeoms(Conversion& c) {
     // Two geoms touch at the sum of their margins, which an override gives as a whole.
     geometry.margin = Overrides(m) ? 0.5 * m.opt.o_margin : m.geom_margin[g];
     geometry.gap = m.geom_gap[g];
+    geometry.adhesion = std::max(0.0, m.geom_adhesion[g]);
+    geometry.surface_velocity << Vec3(m.geom_surfacevel + 6 * g + 3), Vec3(m.geom_surfacevel + 6 * g);
     geometry.pairs = pairs_of[static_cast<std::size_t>(g)];
     geometry.rgba = Colour(m, g);
     geometry.group = m.geom_group[g];

@@ -175,7 +175,7 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = ApplyCustom(c, options)) return error;
   AddSwitchedInterfaces(c);
   if (auto error = ConvertKeyframes(c, options.keyframe)) return error;
-  ConvertTendonLimits(c);
+  ConvertLengthLimits(c);
   if (auto error = ApplyInitialState(c, options, mimics)) return error;
   if (auto error = ApplyGround(c, options)) return error;
   if (auto error = ExcludeOverlaps(c)) return error;

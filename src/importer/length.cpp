@@ -127,4 +127,22 @@ Length ActuatorLength(const mjModel& m, const mjData& d, int i) {
   }
 }
 
+Length BallAngle(const mjModel& m, int joint) {
+  Length length;
+  length.ball = joint;
+  for (int i = 0; i < 3; ++i) length.terms.emplace_back(m.jnt_dofadr[joint] + i, 0.0);
+  return length;
+}
+
+bool IsBallOfSeveral(const mjModel& m, int joint) {
+  const int body = m.jnt_bodyid[joint];
+  for (int j = m.body_jntadr[body]; j < m.body_jntadr[body] + m.body_jntnum[body]; ++j)
+    if (j != joint && m.jnt_type[j] != mjJNT_SLIDE) return true;
+  return false;
+}
+
+double BallLimit(const mjModel& m, int joint) {
+  return std::max(m.jnt_range[2 * joint], m.jnt_range[2 * joint + 1]) - m.jnt_margin[joint];
+}
+
 }  // namespace fork1s::internal

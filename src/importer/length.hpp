@@ -16,14 +16,22 @@ struct Length {
                                               // change it, with their arms at the reference
   int tendon = -1;                            // through space; -1: none
   int actuator = -1;                          // on sites or a ball joint, whose path is its own; -1: none
+  int ball = -1;                              // joint, the angle that it has turned by; -1: none
   double gear = 1;                            // of the path
 
-  bool is_single() const { return tendon < 0 && actuator < 0 && terms.size() == 1; }
+  bool has_path() const { return tendon >= 0 || actuator >= 0 || ball >= 0; }
+  bool is_single() const { return !has_path() && terms.size() == 1; }
 };
 
 /// `data` at qpos0, with what mj_transmission computes.
 Length TendonLength(const mjModel& m, const mjData& d, int tendon);
 Length ActuatorLength(const mjModel& m, const mjData& d, int actuator);  // gear included
+
+Length BallAngle(const mjModel& m, int joint);
+/// Whether another joint of the body of a ball joint turns it too, so that its own angle is not that of the body.
+bool IsBallOfSeveral(const mjModel& m, int joint);
+/// rad, of a ball joint, where it comes to bear.
+double BallLimit(const mjModel& m, int joint);
 
 bool IsSpatial(const mjModel& m, int tendon);
 /// Whether an actuator acts on a joint of this type.

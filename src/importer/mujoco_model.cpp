@@ -8,6 +8,7 @@
 #include <limits>
 #include <mutex>
 #include <regex>
+#include <set>
 #include <stdexcept>
 
 #include <tinyxml2.h>
@@ -305,6 +306,28 @@ void FindLengthRanges(const mjLROpt& options, mjModel& model) {
   model.opt = own;
 }
 
+// Takes their joints from the bodies that are only vertices or nodes of a flex, which nothing would hold
+// together here, so that each stands still in its parent. Whether there were any; by the ids of the compiled model.
+bool HoldFlexes(const mjModel& model, mjSpec& spec) {
+  std::set<int> vertices(model.flex_vertbodyid, model.flex_vertbodyid + model.nflexvert);
+  vertices.insert(model.flex_nodebodyid, model.flex_nodebodyid + model.nflexnode);
+  const auto holds_others = [&](int body) {
+    for (int b = body + 1; b < model.nbody; ++b)
+      if (model.body_parentid[b] == body && vertices.count(b) == 0) return true;
+    return false;
+  };
+  std::vector<mjsElement*> joints;
+  for (mjsElement* e = mjs_firstElement(&spec, mjOBJ_BODY); e != nullptr; e = mjs_nextElement(&spec, e)) {
+    const int body = mjs_getId(e);
+    if (vertices.count(body) == 0 || model.body_geomnum[body] > 0 || holds_others(body)) continue;
+    mjsBody* of = mjs_asBody(e);
+    for (mjsElement* j = mjs_firstChild(of, mjOBJ_JOINT, 0); j != nullptr; j = mjs_nextChild(of, j, 0))
+      joints.push_back(j);
+  }
+  for (mjsElement* joint : joints) mjs_delete(&spec, joint);
+  return !joints.empty();
+}
+
 }  // namespace
 
 Expected<CompiledModel> EditableModel::Compile() {
@@ -316,6 +339,8 @@ Expected<CompiledModel> EditableModel::Compile() {
   spec_->compiler.LRopt.mode = mjLRMODE_NONE;
   try {
     compiled.model.reset(mj_compile(spec_.get(), vfs_.get()));
+    if (compiled.model && HoldFlexes(*compiled.model, *spec_))
+      compiled.model.reset(mj_compile(spec_.get(), vfs_.get()));
     spec_->compiler.LRopt.mode = length_ranges;
     if (!compiled.model) {
       const char* message = mjs_getError(spec_.get());

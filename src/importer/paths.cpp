@@ -70,21 +70,36 @@ PathDef PathOfSites(const Conversion& c, int i, int mechanism) {
   return path;
 }
 
-// The torque of an actuator on a ball joint, in axes of the body or of its parent; its length is gear · θ in both.
-PathDef PathOfBall(const Conversion& c, int i, int mechanism) {
+// Both sides of a ball joint: the body, and where its parent has it at the reference.
+std::vector<PathElementDef> FramesOfBall(const Conversion& c, int joint, int mechanism) {
   const mjModel& m = c.m;
-  const int body = m.jnt_bodyid[m.actuator_trnid[2 * i]];
+  const int body = m.jnt_bodyid[joint];
   const Anchor child = AnchorIn(c, mechanism, body), parent = AnchorIn(c, mechanism, m.body_parentid[body]);
   PathElementDef on, from;
   on.body = child.body;
   on.X_BE = child.X_AB;
   from.body = parent.body;
   from.X_BE = parent.X_AB * RigidTransform(Quat(m.body_quat + 4 * body), Vec3(m.body_pos + 3 * body));
+  return {on, from};
+}
+
+// The angle that a ball joint has turned by.
+PathDef AngleOfBall(const Conversion& c, int joint, int mechanism) {
+  PathDef path;
+  path.name = c.joint_names[joint];
+  path.kind = PathKind::kAngle;
+  path.elements = FramesOfBall(c, joint, mechanism);
+  return path;
+}
+
+// The torque of an actuator on a ball joint, in axes of the body or of its parent; its length is gear · θ in both.
+PathDef PathOfBall(const Conversion& c, int i, int mechanism) {
+  const mjModel& m = c.m;
   PathDef path;
   path.name = NameOr(m, m.name_actuatoradr[i], "actuator", i);
   path.kind = PathKind::kWrench;
   path.gear << Vec3(m.actuator_gear + 6 * m.actuator_outadr[i]), Vector3::Zero();
-  path.elements = {on, from};
+  path.elements = FramesOfBall(c, m.actuator_trnid[2 * i], mechanism);
   if (m.actuator_trntype[i] == mjTRN_JOINTINPARENT) return path;
   // The same seen from the body: the gear is along the second element's axes, and acts back on it.
   std::swap(path.elements[0], path.elements[1]);
@@ -116,15 +131,19 @@ PathDef PathOfFreeJoint(const Conversion& c, int i, int mechanism) {
 int Conversion::PathOf(const Length& length) {
   path_of_tendon.resize(static_cast<std::size_t>(m.ntendon), -1);
   path_of_actuator.resize(static_cast<std::size_t>(m.nactuator), -1);
+  path_of_ball.resize(static_cast<std::size_t>(m.njnt), -1);
   const bool thread = length.tendon >= 0;
-  int& made = thread ? path_of_tendon[static_cast<std::size_t>(length.tendon)]
-                     : path_of_actuator[static_cast<std::size_t>(length.actuator)];
+  int& made = thread             ? path_of_tendon[static_cast<std::size_t>(length.tendon)]
+              : length.ball >= 0 ? path_of_ball[static_cast<std::size_t>(length.ball)]
+                                 : path_of_actuator[static_cast<std::size_t>(length.actuator)];
   if (made >= 0) return made;
   const int mechanism = MechanismOf(length.terms[0].first);
   auto& paths = scene.mechanisms[static_cast<std::size_t>(mechanism)].paths;
   made = static_cast<int>(paths.size());
   if (thread)
     paths.push_back(TendonOf(*this, length.tendon, mechanism));
+  else if (length.ball >= 0)
+    paths.push_back(AngleOfBall(*this, length.ball, mechanism));
   else if (IsOnBall(m, length.actuator))
     paths.push_back(PathOfBall(*this, length.actuator, mechanism));
   else if (IsOnFreeJoint(m, length.actuator))

@@ -106,11 +106,15 @@ bool PutLengthOf(Conversion& c, const Length& length, const std::vector<int>& bo
 constexpr const char* kNotOfOneMechanism =
     "its length hangs on a free body or a floating base, or on several mechanisms";
 
+constexpr const char* kBallOfSeveral = "another joint of its body turns it too";
+
 SensorDef LengthSensor(Conversion& c, SensorDef s, SensorKind kind, int type, int id) {
   const mjModel& m = c.m;
   s.kind = kind;
   bool is_known = false;
-  if (type == mjOBJ_JOINT) {
+  if (type == mjOBJ_JOINT && m.jnt_type[id] == mjJNT_BALL) {
+    is_known = PutLengthOf(c, BallAngle(m, id), {}, s);
+  } else if (type == mjOBJ_JOINT) {
     Length length;
     length.terms = {{m.jnt_dofadr[id], 1.0}};
     length.at_reference = m.qpos0[m.jnt_qposadr[id]];
@@ -134,8 +138,11 @@ SensorDef LimitSensor(Conversion& c, SensorDef s, SensorKind kind, int type, int
   const bool is_joint = type == mjOBJ_JOINT;
   const bool is_limited = is_joint ? m.jnt_limited[id] : m.tendon_limited[id];
   if (!is_limited || (m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT))) return s;
-  if (is_joint && m.jnt_type[id] == mjJNT_BALL)
-    return Unknown(std::move(s), "a cone limit of a ball joint is not simulated");
+  if (is_joint && m.jnt_type[id] == mjJNT_BALL) {
+    if (IsBallOfSeveral(m, id)) return Unknown(std::move(s), kBallOfSeveral);
+    s.upper = BallLimit(m, id);
+    return s;
+  }
   std::tie(s.lower, s.upper) = is_joint ? LimitedRange(m.jnt_range + 2 * id, m.jnt_margin[id])
                                         : LimitedRange(m.tendon_range + 2 * id, m.tendon_margin[id]);
   return s;
@@ -237,9 +244,11 @@ SensorDef VolumeSensor(const Conversion& c, SensorDef s, SensorKind kind, int i,
 
 SensorDef LimitForceSensor(Conversion& c, SensorDef s, int type, int id) {
   if (type == mjOBJ_TENDON)
-    s.limit = NameOr(c.m, c.m.name_tendonadr[id], "tendon", id);  // ConvertTendonLimits
-  else if (c.m.jnt_type[id] == mjJNT_BALL)
-    return Unknown(std::move(s), "a cone limit of a ball joint is not simulated");
+    s.limit = NameOr(c.m, c.m.name_tendonadr[id], "tendon", id);  // ConvertLengthLimits
+  else if (c.m.jnt_type[id] == mjJNT_BALL) {
+    if (IsBallOfSeveral(c.m, id)) return Unknown(std::move(s), kBallOfSeveral);
+    s.limit = c.joint_names[id];
+  }
   return LengthSensor(c, std::move(s), SensorKind::kLimitForce, type, id);
 }
 

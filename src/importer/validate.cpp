@@ -207,20 +207,11 @@ void ListUnsupported(Conversion& c) {
   c.DroppedMany(
       "actuatorgravcomp of joint", compensated,
       "compensation of gravity is not of the actuators here: bounds of their forces leave it alone");
-  std::vector<std::string> belts, sticky, flexes;
-  for (int g = 0; g < m.ngeom; ++g) {
-    const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
-    if (any(m.geom_surfacevel + 6 * g, 6)) belts.push_back(name);
-    if (m.geom_adhesion[g] != 0) sticky.push_back(name);
-  }
+  std::vector<std::string> flexes;
   for (int f = 0; f < m.nflex; ++f) flexes.push_back(NameOr(m, m.name_flexadr[f], "flex", f));
-  c.DroppedMany("surface velocity of geom", belts, "surfaces do not move against their bodies here");
-  c.DroppedMany("adhesion of geom", sticky, "contacts only press here; hold it by a weld equality");
-  c.DroppedMany("flex", flexes, "its elasticity and its contacts are left out: each vertex moves by itself");
-  sticky.clear();
-  for (int k = 0; k < m.npair; ++k)
-    if (m.pair_adhesion[k] != 0) sticky.push_back(NameOr(m, m.name_pairadr[k], "pair", k));
-  c.DroppedMany("adhesion of contact pair", sticky, "contacts only press here; hold it by a weld equality");
+  c.DroppedMany(
+      "flex", flexes,
+      "a deformable body is not simulated: it touches nothing, and its mass stands still in the body that carries it");
   const auto count = [&](mjtSize n, const char* what, const char* why) {
     if (n > 0) c.Dropped(n == 1 ? fmt::format("1 {}", what) : fmt::format("{} {}s", n, what), why);
   };

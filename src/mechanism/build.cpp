@@ -304,9 +304,11 @@ Expected<Mechanism> BuildMechanism(MechanismDef definition) {
   for (const DryFrictionDef& f : def.frictions) m.frictions_.push_back({f.name, rate_form_of(f), f.force});
   for (int i = 0; i < n; ++i)
     if (std::isfinite(m.lower_(i)) || std::isfinite(m.upper_(i)))
-      m.length_limits_.push_back({m.CoordinateName(i), {{{i, 1.0}}}, m.lower_(i), m.upper_(i)});
+      m.length_limits_.push_back({m.CoordinateName(i), {{{i, 1.0}}}, m.lower_(i), m.upper_(i), true});
   for (const LengthLimitDef& l : def.length_limits)
-    m.length_limits_.push_back({l.name, form_of(l), l.lower, l.upper});
+    m.length_limits_.push_back(
+        {l.name, form_of(l), l.lower, l.upper,
+         l.along.path >= 0 && m.paths_[static_cast<std::size_t>(l.along.path)].kind == PathKind::kAngle});
   for (const ForceLimitDef& f : def.force_limits) {
     Mechanism::LinearForm inputs;
     for (const auto& [name, share] : f.inputs) {

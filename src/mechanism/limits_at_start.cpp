@@ -16,8 +16,7 @@ std::vector<std::string> DescribeStopsPassedAtStart(const Mechanism& mechanism, 
   for (const Mechanism::LengthLimit& limit : mechanism.length_limits()) {
     const double length = LengthOf(mechanism, limit.length, start, q);
     const double outside = std::max(limit.lower - length, length - limit.upper);
-    const bool turns =
-        limit.length.path < 0 && !limit.length.terms.empty() && mechanism.Turns(limit.length.terms[0].first);
+    const bool turns = mechanism.IsAngle(limit.length);
     if (outside > kWorthSaying * (turns ? 1 : mechanism.length_scale()))
       out.push_back(
           fmt::format("{} starts outside its limits by {:.4g} {}; it is brought inside at a bounded speed",

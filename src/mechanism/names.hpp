@@ -26,7 +26,10 @@ inline constexpr std::pair<PathElementDef::Kind, const char*> kPathElementNames[
     {PathElementDef::Kind::kCylinder, "cylinder"},
     {PathElementDef::Kind::kPulley, "pulley"}};
 inline constexpr std::pair<PathKind, const char*> kPathKindNames[] = {
-    {PathKind::kTendon, "thread"}, {PathKind::kSliderCrank, "slider-crank"}, {PathKind::kWrench, "wrench"}};
+    {PathKind::kTendon, "thread"},
+    {PathKind::kSliderCrank, "slider-crank"},
+    {PathKind::kWrench, "wrench"},
+    {PathKind::kAngle, "angle"}};
 inline constexpr std::pair<ControlDynamics, const char*> kControlDynamicsNames[] = {
     {ControlDynamics::kNone, "none"},
     {ControlDynamics::kLag, "lag"},

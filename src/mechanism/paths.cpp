@@ -77,6 +77,21 @@ void ComputeWrench(const Mechanism& mechanism, const Mechanism::Path& path, cons
   if (!path.gear.head<3>().isZero(0)) out.length += path.gear.head<3>().dot(LogRotation(X_FO.rotation()));
 }
 
+// Its rate is n · (ω_O - ω_F), n the axis of the turn, which is any where there is none.
+void ComputeAngle(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
+                  PathState& out) {
+  constexpr double kNoAngle = 1e-9;  // rad
+  const PathElementDef &on = path.elements[0], &from = path.elements[1];
+  const Matrix3 R_RF = (kinematics.X_RB[from.body.u()] * from.X_BE).rotation();
+  const Vector3 turn = LogRotation(R_RF.transpose() * (kinematics.X_RB[on.body.u()] * on.X_BE).rotation());
+  out.length = turn.norm();
+  if (out.length < kNoAngle) return;
+  Vector6 F;
+  F << R_RF * turn / out.length, Vector3::Zero();
+  Pull(mechanism, path, kinematics, on.body, F, out);
+  Pull(mechanism, path, kinematics, from.body, -F, out);
+}
+
 // straight(part), along(length on an obstacle): of the whole tendon, in order.
 template <class Straight, class Along>
 void ForEachPart(const Mechanism::Path& path, const Kinematics& kinematics, const Straight& straight,
@@ -150,12 +165,13 @@ void ComputeRates(const Mechanism& mechanism, const Mechanism::Path& path, const
 template <class Known, class Refuse>
 Expected<void> CheckFrames(const MechanismDef& def, const PathDef& path, const Known& known,
                            const Refuse& refuse) {
-  const bool crank = path.kind == PathKind::kSliderCrank;
+  const bool crank = path.kind == PathKind::kSliderCrank, angle = path.kind == PathKind::kAngle;
   const std::size_t count = path.elements.size();
-  if (count != 2 && (crank || count != 1))
+  if (count != 2 && (crank || angle || count != 1))
     return refuse(count,
-                  crank ? "is not the second of two: a slider-crank has a slider and a pin"
-                        : "is not the first or second: a wrench has a frame, and one it may be given in");
+                  crank   ? "is not the second of two: a slider-crank has a slider and a pin"
+                  : angle ? "is not the second of two: an angle is between two frames"
+                          : "is not the first or second: a wrench has a frame, and one it may be given in");
   if (count == 1 && def.base == BaseKind::kFloating)
     return refuse(
         0,
@@ -194,6 +210,8 @@ void ComputePath(const Mechanism& mechanism, const Mechanism::Path& path, const 
       return ComputeSliderCrank(mechanism, path, kinematics, out);
     case PathKind::kWrench:
       return ComputeWrench(mechanism, path, kinematics, out);
+    case PathKind::kAngle:
+      return ComputeAngle(mechanism, path, kinematics, out);
   }
 }
 

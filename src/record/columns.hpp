@@ -10,11 +10,11 @@
 
 namespace fork1s::internal {
 
-inline constexpr int kFormatVersion = 23;
+inline constexpr int kFormatVersion = 24;
 // Values of sensors are recorded since this one.
 inline constexpr int kVersionOfSensors = 20;
 // The oldest version that is read, as are all up to kFormatVersion. Couplings have terms since 19, controls activations since
-// 21, scenes adhesions since 22 and switched closures since 23. Steps of version 17 differ as well and are not replayed:
+// 21, scenes adhesions since 22, switched closures since 23, surfaces that move and friction by direction since 24. Steps of version 17 differ as well and are not replayed:
 // `theta` and stepping by twists were other integrators, `euler` had other rules.
 inline constexpr int kVersionOfOtherSteps = 17;
 inline constexpr const char* kFormatName = "fork1s recording";

@@ -14,7 +14,7 @@ namespace {
 using namespace internal;
 
 constexpr const char* kModelFormat = "fork1s reduced model";
-constexpr int kModelVersion = 6;
+constexpr int kModelVersion = 7;
 constexpr int kOldestModelVersion = 3;  // controls have no activations
 
 std::vector<int> Numbers(const std::vector<BodyIndex>& bodies) {

@@ -117,22 +117,25 @@ void Fields(A& a, Like<SpatialInertia, A>& s) {
 template <class A>
 void Fields(A& a, Like<GeometryDef, A>& s) {
   auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling, moments,
-         restitution, margin, gap, pairs, rgba, group, picture, picture_x, picture_y] = s;
+         restitution, margin, gap, adhesion, surface_velocity, pairs, rgba, group, picture, picture_x,
+         picture_y] = s;
   a("name", name), a("shape", shape), a("X_BG", X_BG), a("friction", friction), a("priority", priority);
   a("contype", contype), a("conaffinity", conaffinity), a("frictionless", frictionless);
   a("torsion", torsion), a("rolling", rolling), a("moments", moments);
   a("restitution", restitution), a("margin", margin), a("pairs", pairs);
   a.Optional("gap", gap);  // files of versions before 22 have none
+  a.Optional("adhesion", adhesion), a.Optional("surface_velocity", surface_velocity);  // before 24
   a("rgba", rgba), a("group", group);
   a("picture", picture), a("picture_x", picture_x), a("picture_y", picture_y);
 }
 
 template <class A>
 void Fields(A& a, Like<ContactPairDef, A>& s) {
-  auto& [name, friction, torsion, rolling, restitution, margin, gap] = s;
+  auto& [name, friction, friction_scale, torsion, rolling, restitution, margin, gap, adhesion] = s;
   a("name", name), a("friction", friction), a("torsion", torsion), a("rolling", rolling);
   a("restitution", restitution), a("margin", margin);
   a.Optional("gap", gap);  // as of GeometryDef
+  a.Optional("friction_scale", friction_scale), a.Optional("adhesion", adhesion);
 }
 
 template <class A>

@@ -141,11 +141,12 @@ void Fields(A& a, Like<FrozenGrasp, A>& s) {
 
 template <class A>
 void Fields(A& a, Like<ContactPoint, A>& s) {
-  auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution,
-         adhesion_gap] = s;
+  auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, friction_scale, torsion,
+         rolling, restitution, adhesion_gap, adhesion, surface_velocity] = s;
   a("body_a", body_a), a("body_b", body_b), a("geometry_a", geometry_a), a("geometry_b", geometry_b);
   a("point", point), a("frame", frame), a("gap", gap), a("friction", friction), a("torsion", torsion);
   a("rolling", rolling), a("restitution", restitution), a("adhesion_gap", adhesion_gap);
+  a("friction_scale", friction_scale), a("adhesion", adhesion), a("surface_velocity", surface_velocity);
 }
 
 template <class A>

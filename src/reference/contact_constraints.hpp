@@ -24,6 +24,7 @@ struct PointConstraint {
   // the contact frame, so the same part gives the relative angular velocity about the three axes.
   PointJacobian J_a = PointJacobian::Zero(), J_b = PointJacobian::Zero();
   Vector3 bias = Vector3::Zero();                        // m/s
+  double spin = 0;                                       // rad/s, added to what turns about the normal
   double friction = 0, torsion = 0, rolling = 0;         // µ; radii [m]
   Vector2 friction_scale = Vector2::Ones();              // coefficients along the tangents as shares of µ
   double compliance_normal = 0, compliance_tangent = 0;  // m/s per N·s

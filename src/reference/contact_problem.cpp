@@ -93,7 +93,7 @@ ContactProblem AssembleContactProblem(const std::vector<ResponseBlock>& blocks,
       Vector6 on_a = Vector6::Zero(), on_b = Vector6::Zero();
       on_a.head<3>() = p.J_a.row(k).tail<3>();
       on_b.head<3>() = p.J_b.row(k).tail<3>();
-      block.moment_row[static_cast<std::size_t>(k)] = rows.AddRow(p, on_a, on_b, 0);
+      block.moment_row[static_cast<std::size_t>(k)] = rows.AddRow(p, on_a, on_b, k == 0 ? p.spin : 0);
       masses.push_back(-1);  // from the diagonal of W
       previous.push_back(p.previous_moment[k]);
     }

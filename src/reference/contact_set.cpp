@@ -131,6 +131,9 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
     c.friction = p.friction;
     c.torsion = p.torsion;
     c.rolling = p.rolling;
+    c.friction_scale = p.friction_scale;
+    c.spin = p.surface_velocity[0];
+    c.bias.tail<2>() = p.surface_velocity.tail<2>();
     Vector3 speed = Vector3::Zero();
     double guessed = 0;
     auto side = [&](int body, double sign, int& port, PointJacobian& J) {

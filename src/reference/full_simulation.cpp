@@ -12,6 +12,26 @@ namespace fork1s {
 using internal::FullFreeBody;
 using internal::FullMechanism;
 
+namespace {
+
+// A shape or pair with adhesion of its own, as messages name it; empty: none.
+std::string AdheringShapeOf(const Scene& scene) {
+  std::string found;
+  const auto look = [&](const std::vector<GeometryDef>& geometries) {
+    for (const GeometryDef& g : geometries)
+      if (g.adhesion > 0) found = "geometry '" + g.name + "'";
+  };
+  look(scene.world);
+  for (const FreeBodyDef& b : scene.free_bodies) look(b.geometries);
+  for (const MechanismDef& m : scene.mechanisms)
+    for (const BodyDef& b : m.bodies) look(b.geometries);
+  for (const ContactPairDef& pair : scene.contact_pairs)
+    if (pair.adhesion > 0) found = "contact pair '" + pair.name + "'";
+  return found;
+}
+
+}  // namespace
+
 FullSimulation::FullSimulation() : detail_(std::make_unique<Detail>()) {}
 FullSimulation::~FullSimulation() = default;
 FullSimulation::FullSimulation(FullSimulation&&) noexcept = default;
@@ -36,6 +56,8 @@ Expected<FullSimulation> FullSimulation::Create(Scene scene, const FullSimulatio
       return Fail(
           ErrorCode::kModel, "adhesion '" + m.adhesions.front().name + "' of mechanism '" + m.name + "'",
           "the full model knows no adhesion; run the reduced model, or take the actuator out of the file");
+  if (const std::string shape = AdheringShapeOf(d.scene); !shape.empty())
+    return Fail(ErrorCode::kModel, shape, "the full model knows no adhesion; run the reduced model");
   for (const MechanismDef& m : d.scene.mechanisms)
     if (!m.switched_closures.empty())
       return Fail(

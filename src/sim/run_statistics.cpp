@@ -42,8 +42,7 @@ struct BeyondStop {
 
 BeyondStop BeyondStopOf(const MechanismDynamics& m, const Mechanism::LengthLimit& limit) {
   const double length = m.Length(limit.length), above = length - limit.upper, below = limit.lower - length;
-  const auto& terms = limit.length.terms;
-  const bool turns = limit.length.path < 0 && !terms.empty() && m.mechanism().Turns(terms[0].first);
+  const bool turns = m.mechanism().IsAngle(limit.length);
   const double range = limit.upper - limit.lower, whole = std::isfinite(range) && range > 0 ? range
                                                           : turns                           ? 1
                                                                   : m.mechanism().length_scale();
@@ -138,13 +137,14 @@ void RunStatistics::UpdateContacts(const Simulation& simulation) {
     pair.last.Add(LoadOf(force, moment, c.normal_sum / h, c.tangential_sum / h, c.friction), 1);
     const Vector6 V_a = mean(a), V_b = mean(b);
     const Vector3 spin = c.point.frame * Vector3(V_b.head<3>() - V_a.head<3>());
-    pair.friction_loss -= sign * c.moment.dot(spin);
+    pair.friction_loss -= sign * c.moment.dot(spin) + c.moment[0] * c.point.surface_velocity[0];
     if (!(c.friction > 0) || c.tangential_sum < kAtCone * c.friction * c.normal_sum) continue;
     const Vector3 slides = VelocityAt(V_b, arm_b) - VelocityAt(V_a, arm_a);
-    pair.friction_loss -= sign * c.impulse.tail<2>().dot(c.point.frame.bottomRows<2>() * slides);
     const auto tangents = c.point.frame.bottomRows<2>();
+    const Vector2 of_surfaces = sign * c.point.surface_velocity.tail<2>();
+    pair.friction_loss -= sign * c.impulse.tail<2>().dot(tangents * slides + of_surfaces);
     const Vector3 of_a = VelocityAt(now(a), arm_a), of_b = VelocityAt(now(b), arm_b);
-    const double speed = (tangents * (of_b - of_a)).norm();
+    const double speed = (tangents * (of_b - of_a) + of_surfaces).norm();
     if (!(speed * h > kSlides * simulation.world().PairSize(c.point))) continue;
     Sliding& most = fastest[{a, b}];
     if (speed > most.relative) most = {speed, (tangents * of_a).norm(), (tangents * of_b).norm()};

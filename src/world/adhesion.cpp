@@ -62,14 +62,20 @@ Expected<std::vector<Adhesion>> FindAdhesions(const Bodies& bodies,
                         "'; give it a shape that collides and name it as an interface");
     }
   }
-  detection.adhesion_reach = 0;
-  if (found.empty()) return found;
   double largest = 0;
+  bool of_shapes = false;
   for (const auto& geometries : detection.shapes.geometries)
-    for (const GeometryDef& g : geometries) largest = std::max(largest, g.gap);
-  detection.adhesion_reach = 2 * largest;
-  for (const ContactPairDef& pair : contact_pairs)
-    detection.adhesion_reach = std::max(detection.adhesion_reach, pair.gap);
+    for (const GeometryDef& g : geometries) {
+      largest = std::max(largest, g.gap);
+      of_shapes = of_shapes || g.adhesion > 0;
+    }
+  double reach = 2 * largest;
+  for (const ContactPairDef& pair : contact_pairs) {
+    reach = std::max(reach, pair.gap);
+    of_shapes = of_shapes || pair.adhesion > 0;
+  }
+  detection.adhesion_reach = found.empty() && !of_shapes ? 0 : reach;
+  detection.shapes_adhere = of_shapes;
   return found;
 }
 
@@ -78,7 +84,7 @@ Expected<std::vector<Adhesion>> FindAdhesions(const Bodies& bodies,
 void AssemblePulls(const std::vector<Adhesion>& adhesions, const Bodies& bodies, const Detection& detection,
                    const ContactHistory& history, double h, double depth, ConstraintRows& rows) {
   rows.pulls.clear();
-  if (adhesions.empty()) return;
+  if (adhesions.empty() && !detection.shapes_adhere) return;
   rows.pulls.resize(detection.points.size(), 0.0);
   const auto is_in_reach = [&](std::size_t i) {
     const ContactPoint& p = detection.points[i];
@@ -86,6 +92,8 @@ void AssemblePulls(const std::vector<Adhesion>& adhesions, const Bodies& bodies,
     const ContactRecord* before = history.Before(i);
     return before != nullptr && before->impulse(0) > 0;
   };
+  for (std::size_t i = 0; i < detection.points.size(); ++i)
+    if (detection.points[i].adhesion > 0 && is_in_reach(i)) rows.pulls[i] = h * detection.points[i].adhesion;
   for (const Adhesion& adhesion : adhesions) {
     const double force = ForceOf(adhesion, bodies);
     if (force == 0) continue;

@@ -1,7 +1,7 @@
 // Adhesion: a force along the normals of the contacts of a body that pulls both sides together.
 //
-// The force F [N] of a stage is known before its contacts are solved: by the control at the stage, an equal share F/n
-// for each of the n points in reach. It is an external force of the contact solve, so that the normal impulses bear the
+// The force F [N] of a stage is known before its contacts are solved: of an AdhesionDef by the control at the stage, an
+// equal share F/n for each of the n points in reach; of shapes the same at every point. It is an external force of the contact solve, so that the normal impulses bear the
 // compression and friction has its bound by them.
 #pragma once
 
@@ -23,8 +23,8 @@ struct Adhesion {
   std::vector<char> is_of_body;  // per shape of the collision body
 };
 
-/// Those of all mechanisms, once the collision bodies are known; detection.adhesion_reach becomes their largest gap. Errors:
-/// kModel where nothing can touch the body of one.
+/// Those of all mechanisms, once the collision bodies are known. Sets detection.shapes_adhere, and adhesion_reach to the
+/// largest gap. Errors: kModel where nothing can touch the body of one.
 Expected<std::vector<Adhesion>> FindAdhesions(const Bodies& bodies,
                                               const std::vector<ContactPairDef>& contact_pairs,
                                               Detection& detection);

@@ -20,6 +20,8 @@ void AssembleContact(std::size_t i, const StageAtHand& stage, const StepOptions&
   c.friction = p.friction;
   c.torsion = p.torsion;
   c.rolling = p.rolling;
+  c.friction_scale = p.friction_scale;
+  c.spin = p.surface_velocity[0];
   const CollisionBody& a = detection.collision_bodies[static_cast<std::size_t>(p.body_a)];
   const CollisionBody& b = detection.collision_bodies[static_cast<std::size_t>(p.body_b)];
   if (a.kind != CollisionBody::Kind::kWorld) c.port_a = rows.port_offset[static_cast<std::size_t>(p.body_a)];
@@ -36,6 +38,7 @@ void AssembleContact(std::size_t i, const StageAtHand& stage, const StepOptions&
       std::max(0.0, -(stage.rows_from_start ? RelativeSpeed(c, rows.start_velocities) : speed)(0));
   if (const double start_gap = history.StartGap(i); start_gap <= 0) p.gap = start_gap;
   SetMaterial(options.material, p.gap, h, c);
+  c.bias.tail<2>() = p.surface_velocity.tail<2>();
   // Of the two stages restitution would be extrapolated; a step that meets something that has it is halved. A
   // stage of backward Euler takes the approach from the velocity of its start, by the rows of its end.
   if (p.restitution > 0 && stage.within && stage.is_backward_euler)

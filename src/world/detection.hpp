@@ -38,6 +38,7 @@ struct Detection {
   std::unique_ptr<CollisionWorld> world;
   double most_margin = 0;                                // m, of what is foreseen
   CollisionMargins margins;                              // of the last detection
+  bool shapes_adhere = false;                            // some have adhesion of their own
   double adhesion_reach = 0;                             // m: largest gap that an adhesion acts over
   std::vector<ContactPoint> points;                      // of the last detection
   bool dropped = false;                                  // for want of room

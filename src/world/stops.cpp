@@ -10,9 +10,7 @@ void StopHistory::Resize(std::size_t limits, std::size_t frictions) {
 }
 
 double MetersPerUnit(const MechanismDynamics& m, const Mechanism::Length& length) {
-  const bool turns =
-      length.path < 0 && !length.terms.empty() && m.mechanism().Turns(length.terms.front().first);
-  return turns ? m.mechanism().length_scale() : 1;
+  return m.mechanism().IsAngle(length) ? m.mechanism().length_scale() : 1;
 }
 
 StopApproach ApproachOf(const MechanismDynamics& m, const Mechanism::LengthLimit& stop, bool upper,

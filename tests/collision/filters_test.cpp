@@ -107,7 +107,10 @@ std::vector<CollisionBodyDef> RowOfBalls(int balls, double height) {
 }
 
 TEST(ContactPairs, TouchWhateverFiltersSay) {
-  const ContactPairDef law{"foot", 0.3, 0.01, 0.002, 0.4, 0};
+  ContactPairDef law{"foot", 0.3};
+  law.torsion = 0.01;
+  law.rolling = 0.002;
+  law.restitution = 0.4;
   for (const int balls : {2, 12}) {
     std::vector<CollisionBodyDef> bodies = RowOfBalls(balls, 0.0995);
     bodies[0].geometries[0].contype = bodies[0].geometries[0].conaffinity = 0;
@@ -130,7 +133,7 @@ TEST(ContactPairs, GeometryNamesOneThatExists) {
   std::vector<CollisionBodyDef> bodies = RowOfBalls(1, 0.1);
   bodies[1].geometries[0].pairs = {0};
   EXPECT_FALSE(CollisionWorld::Create(bodies, {}).has_value());
-  EXPECT_FALSE(CollisionWorld::Create(bodies, {}, {}, {{"p", -1}}).has_value());
+  EXPECT_FALSE(CollisionWorld::Create(bodies, {}, {}, {ContactPairDef{"p", -1}}).has_value());
 }
 
 TEST(ContactMargin, MovesTheSurfaceOutwards) {

@@ -59,11 +59,20 @@ TEST(ContactPair, BodiesAreInterfacesAndGrounds) {
     EXPECT_EQ(note.message.find("nothing to fall on"), std::string::npos);
 }
 
-TEST(ContactPair, FrictionByDirectionIsNoted) {
+TEST(ContactPair, HasFrictionByDirection) {
   const ImportedScene in =
       MustLoad(Legged(R"(<pair geom1="floor" geom2="sole" friction=".05 1 .005 .0001 .0001"/>)"));
   EXPECT_EQ(in.scene.contact_pairs[0].friction, 1);
-  EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kChanged, "friction is the same in all directions"));
+  EXPECT_EQ(in.scene.contact_pairs[0].friction_scale, Vector2(0.05, 1));
+  EXPECT_FALSE(HasNote(in.report, ImportNote::Kind::kChanged, "pair"));
+}
+
+TEST(ContactPair, RollingFrictionByDirectionIsNoted) {
+  const ImportedScene in =
+      MustLoad(Legged(R"(<pair geom1="floor" geom2="sole" condim="6" friction="1 1 .005 .0001 .0003"/>)"));
+  EXPECT_EQ(in.scene.contact_pairs[0].rolling, 0.0003);
+  EXPECT_TRUE(
+      HasNote(in.report, ImportNote::Kind::kChanged, "rolling friction is the same in all directions"));
 }
 
 TEST(ContactPair, OfRigidGeomsIsDropped) {
@@ -111,14 +120,51 @@ TEST(ContactOverride, ReplacesFrictionAndMargin) {
   EXPECT_EQ(Geom(off, "ball").margin, 0.02);
 }
 
+// The frame of a mesh is the reader's own, about its centre of volume: there the field is another.
+TEST(Surface, MovesInTheFrameOfItsShape) {
+  const ImportedScene in =
+      MustLoad(R"(<mujoco><asset><mesh name="m" vertex="1 0 0  3 0 0  1 1 0  1 0 1"/></asset><worldbody>
+    <geom name="belt" type="box" size="1 1 .1" surfacevel="1 2 3 4 5 6" adhesion="20"/>
+    <geom name="wedge" type="mesh" mesh="m" surfacevel="1 2 3 4 5 6"/>
+    <body pos="0 0 2"><freejoint/><geom name="ball" type="sphere" size=".1"/></body></worldbody></mujoco>)");
+  EXPECT_FALSE(HasNote(in.report, ImportNote::Kind::kDropped, "geom"));
+  EXPECT_EQ(Geom(in.scene, "belt").adhesion, 20);
+  EXPECT_EQ(Geom(in.scene, "ball").adhesion, 0);
+  const Vector3 v(1, 2, 3), omega(4, 5, 6);
+  Vector6 V;
+  V << omega, v;
+  EXPECT_EQ(Geom(in.scene, "belt").surface_velocity, V);
+  const GeometryDef& wedge = Geom(in.scene, "wedge");
+  const Vector6 in_world = AdjointApply(wedge.X_BG, wedge.surface_velocity);
+  EXPECT_LT((in_world - V).norm(), 1e-12) << in_world.transpose();
+}
+
 TEST(ContactNotes, NameWhatIsLeftOut) {
   const ImportedScene in = MustLoad(R"(<mujoco><worldbody>
-    <geom name="belt" type="box" size="1 1 .1" surfacevel="1 0 0 0 0 0" adhesion="20"/>
+    <geom name="floor" type="box" size="1 1 .1"/>
     <flexcomp name="pad" type="grid" count="3 3 3" spacing=".03 .03 .03" pos="0 0 1" radius=".002" dim="3"
               mass=".1"/>
     <body pos="0 0 2"><freejoint/><geom type="sphere" size=".1"/></body></worldbody></mujoco>)");
-  for (const char* part : {"surface velocity of geom 'belt'", "adhesion of geom 'belt'", "flex 'pad'"})
-    EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kDropped, part)) << part;
+  EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kDropped, "flex 'pad'"));
+}
+
+// Its vertices are no loose bodies: they stay, as a lump, with what carries them.
+TEST(Flex, StandsStillInWhatCarriesIt) {
+  const ImportedScene in = MustLoad(R"(<mujoco><worldbody>
+    <flexcomp name="cloth" type="grid" count="3 3 1" spacing=".03 .03 .03" pos="0 0 1" radius=".002" dim="2" mass=".1"/>
+    <body name="arm" pos="0 0 2"><joint name="j" axis="0 1 0" stiffness="1"/><geom type="sphere" size=".1" mass="1"/>
+      <flexcomp name="pad" type="grid" count="3 3 3" spacing=".03 .03 .03" pos="0 0 -.3" radius=".002" dim="3"
+                mass=".2"><pin id="0"/></flexcomp></body></worldbody>
+    <keyframe><key name="k"/></keyframe></mujoco>)");
+  ASSERT_EQ(in.scene.mechanisms.size(), 1u);
+  EXPECT_TRUE(in.scene.free_bodies.empty());
+  const MechanismDef& arm = in.scene.mechanisms[0];
+  ASSERT_EQ(arm.joints.size(), 1u);
+  double mass = 0;
+  for (const BodyDef& b : arm.bodies) mass += b.inertia.mass;
+  EXPECT_NEAR(mass, 1 + 0.2 * 26 / 27, 1e-12);  // the pinned vertex has no body
+  for (const char* part : {"'cloth'", "'pad'"})
+    EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kDropped, part));
 }
 
 // Contact is hard: what MuJoCo makes softer than by default is noted, what it makes harder or lively is not.

@@ -95,13 +95,15 @@ class BitList {
   }
   void Add(const GeometryDef& s) {
     const auto& [name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling,
-                 moments, restitution, margin, gap, pairs, rgba, group, picture, picture_x, picture_y] = s;
+                 moments, restitution, margin, gap, adhesion, surface_velocity, pairs, rgba, group, picture,
+                 picture_x, picture_y] = s;
     All(name, shape, X_BG, friction, priority, contype, conaffinity, frictionless, torsion, rolling, moments,
-        restitution, margin, gap, pairs, rgba, group, picture, picture_x, picture_y);
+        restitution, margin, gap, adhesion, surface_velocity, pairs, rgba, group, picture, picture_x,
+        picture_y);
   }
   void Add(const ContactPairDef& s) {
-    const auto& [name, friction, torsion, rolling, restitution, margin, gap] = s;
-    All(name, friction, torsion, rolling, restitution, margin, gap);
+    const auto& [name, friction, friction_scale, torsion, rolling, restitution, margin, gap, adhesion] = s;
+    All(name, friction, friction_scale, torsion, rolling, restitution, margin, gap, adhesion);
   }
   void Add(const BodyDef& s) {
     const auto& [name, parent, X_PB, inertia, geometries, gravity_compensation] = s;

@@ -286,6 +286,8 @@ inline Scene SceneWithEverything(unsigned seed) {
     g.frictionless = random.Chance(0.5);
     g.margin = random.Uniform(0, 1);
     g.gap = random.Uniform(0, 1);
+    g.adhesion = random.Uniform(0, 1);
+    g.surface_velocity = random.Uniform(0, 1) * Vector6::Ones();
     g.torsion = random.Uniform(0, 1);
     g.rolling = random.Uniform(0, 1);
     g.moments = random.Below(3);
@@ -302,8 +304,10 @@ inline Scene SceneWithEverything(unsigned seed) {
   scene.world = body.geometries;
   scene.free_bodies = {body, body};
   scene.excluded_pairs = {{"free", "world"}, {"a", ""}};
-  scene.contact_pairs = {
-      {"pair", random.Uniform(0, 1), 0.1, 0.2, 0.3, random.Uniform(0, 1), random.Uniform(0, 1)}, {}};
+  scene.contact_pairs.resize(2);
+  ContactPairDef& pair = scene.contact_pairs[0];
+  pair = {"pair", random.Uniform(0, 1), Vector2(0.2, random.Uniform(0, 1)), 0.1, 0.2, 0.3};
+  for (double* value : {&pair.margin, &pair.gap, &pair.adhesion}) *value = random.Uniform(0, 1);
   KeyframeDef key;
   key.name = "key";
   for (const MechanismDef& m : scene.mechanisms) {

@@ -29,9 +29,13 @@ struct ContactPoint {
   Matrix3 frame = Matrix3::Identity();  // rows: normal from a to b, tangent 1, tangent 2
   double gap = 0;                       // m, less the margins of the shapes; negative in penetration
   double friction = 0;  // of the higher priority, else the larger; 0 if all who decide are frictionless
-  double torsion = 0, rolling = 0;  // m, likewise; 0 where the pair bears no such moment
-  double restitution = 0;           // share of the speed of approach that is left
+  Vector2 friction_scale = Vector2::Ones();  // shares of it along the tangents
+  double torsion = 0, rolling = 0;           // m, likewise; 0 where the pair bears no such moment
+  double restitution = 0;                    // share of the speed of approach that is left
   double adhesion_gap = 0;  // m: gap up to which adhesion acts, the sum of the two or that of the pair
+  double adhesion = 0;      // N: of the shapes, which pulls both together
+  /// What the surface of b moves by within itself less that of a: about the normal [rad/s], along the tangents [m/s].
+  Vector3 surface_velocity = Vector3::Zero();
 };
 
 struct CollisionOptions {

@@ -38,6 +38,7 @@ struct ContactConstraint {
   /// m/s, added to u. Normal: gap and restitution (material.hpp); tangents: what a surface moves by within itself,
   /// as a belt does, of b less that of a.
   Vector3 bias = Vector3::Zero();
+  double spin = 0;      // rad/s, added to the angular velocity about the normal, likewise
   double friction = 0;  // µ
   /// Coefficients along the tangents are these shares a_k of µ. Friction is bounded by the ellipse
   /// Σ (λ_k/(a_k µ))² <= λ_n² and opposes the slip w that dissipates most, λ_k = −µ λ_n a_k² w_k/|a w|.

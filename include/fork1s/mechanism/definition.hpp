@@ -32,8 +32,12 @@ struct GeometryDef {
   double restitution = 0;  // share of its speed with which parts again what meets it, 0 to 1; a pair has the
                            // mean of its damping ratios (restitution.hpp), or the higher priority's
   double margin = 0;       // m: distance of the contact surface from the shape, outwards; a pair has the sum
-  double gap =
-      0;  // m: how far beyond its margin a shape is within reach of an AdhesionDef; a pair has the sum
+  double gap = 0;  // m: how far beyond its margin a shape is within reach of adhesion; a pair has the sum
+  double adhesion =
+      0;  // N: what each contact pulls both sides together by; a pair has the sum, or the higher priority's
+  /// [ω; v] that its surface moves by within itself, as a belt's or turntable's does, in and about the frame of the shape
+  /// [rad/s, m/s]; contacts feel its part along their tangents and the spin about their normal.
+  Vector6 surface_velocity = Vector6::Zero();
   std::vector<int> pairs;  // explicit contact pairs of which it is one side: indices in Scene::contact_pairs
   Vector4 rgba = Vector4(0.6, 0.6, 0.6, 1);
   int group = 0;  // for drawing only
@@ -49,11 +53,14 @@ struct GeometryDef {
 struct ContactPairDef {
   std::string name;
   double friction = 1;  // sliding coefficient
-  double torsion = 0;   // m: moment about the normal as a share of the normal force
-  double rolling = 0;   // m: the same about the tangents
+  /// Shares of it along the first and the second tangent of ContactPoint::frame.
+  Vector2 friction_scale = Vector2::Ones();
+  double torsion = 0;  // m: moment about the normal as a share of the normal force
+  double rolling = 0;  // m: the same about the tangents
   double restitution = 0;
-  double margin = 0;  // m: distance at which the shapes touch
-  double gap = 0;     // m: how far beyond it an AdhesionDef pulls
+  double margin = 0;    // m: distance at which the shapes touch
+  double gap = 0;       // m: how far beyond it adhesion pulls
+  double adhesion = 0;  // N: of each contact
 };
 
 /// One degree of freedom of a joint.
@@ -175,6 +182,8 @@ enum class PathKind {
   /// With a second element it is in that one's axes, and acts back on it by -gear at its own origin; the
   /// length is gear · [log R; p] of the pose of the first in the second.
   kWrench,
+  /// The angle [rad] by which the first of two frames is turned in the second, 0 to π.
+  kAngle,
 };
 
 /// A length that is a nonlinear function of the pose.

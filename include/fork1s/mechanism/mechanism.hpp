@@ -188,9 +188,10 @@ class Mechanism {
     std::string name;
     Length length;
     double lower, upper;
+    bool is_of_joint;
 
     /// "joint 'elbow'", "tendon 'flexor'"
-    std::string WhatAndName() const { return (length.is_single() ? "joint '" : "tendon '") + name + "'"; }
+    std::string WhatAndName() const { return (is_of_joint ? "joint '" : "tendon '") + name + "'"; }
   };
   struct ForceLimit {
     std::string name;
@@ -251,6 +252,11 @@ class Mechanism {
   const std::vector<ScrewMotion>& screw_motions() const { return screw_motions_; }  // n
   /// Whether a coordinate is an angle [rad], by itself or along a screw; else a way [m].
   bool Turns(int coordinate) const { return !screws_.col(coordinate).head<3>().isZero(0); }
+  /// Whether a length is an angle [rad], and not in m.
+  bool IsAngle(const Length& length) const {
+    if (length.path >= 0) return paths_[static_cast<std::size_t>(length.path)].kind == PathKind::kAngle;
+    return !length.terms.empty() && Turns(length.terms.front().first);
+  }
   const VectorX& stiffness() const { return stiffness_; }  // n, of each coordinate's own spring
   const VectorX& damping() const { return damping_; }      // n
   const VectorX& armature() const { return armature_; }    // n

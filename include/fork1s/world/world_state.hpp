@@ -20,7 +20,7 @@ struct ContactRecord {
   // Of adhesion, on body b, in the frame of the point [N·s]; `impulse` bears the compression by it, and both
   // together move the bodies.
   Vector3 pull = Vector3::Zero();
-  double friction = 0;               // of the step as solved; that of `point` is of the shapes
+  double friction = 0;               // coefficient in the direction of the tangential impulse, as solved
   Vector3 moment = Vector3::Zero();  // about normal and tangents [N·m·s], likewise
   double utilization = 0;            // of the cone, above 1 where it slides
   bool gives_way = false;            // as ContactConstraint::gives_way, in the last stage
