@@ -23,12 +23,12 @@ using namespace fork1s::testing;
 
 struct Tally {
   std::vector<int> iterations;
-  std::array<int, 4> stages{};
+  std::array<int, 5> fallbacks{};
   int unsolved = 0;
 
   void Add(const ContactSolverReport& report) {
     iterations.push_back(report.newton_iterations);
-    ++stages[static_cast<std::size_t>(report.fallback)];
+    ++fallbacks[static_cast<std::size_t>(report.fallback)];
     unsolved += !report.converged;
   }
   int At(double share) {
@@ -65,10 +65,10 @@ void Print(Family family, int count) {
     if (solver.Solve(p.blocks, p.contacts, p.limits, p.velocity, as_given).converged)
       law = std::max(law, LawViolation(p, start, p.velocity));
   }
-  fmt::print("{},{},{},{:.1f},{},{},{},{},{},{},{},{},{},{},{:.1e},{:.2f}\n", NameOf(family), count, most,
-             static_cast<double>(points) / count, cold.At(0.5), cold.At(0.99), cold.stages[1], cold.stages[2],
-             cold.stages[3], cold.unsolved, warm.At(0.5), warm.At(0.99),
-             warm.stages[1] + warm.stages[2] + warm.stages[3], warm.unsolved, law, 1e3 * seconds / count);
+  fmt::print("{},{},{},{:.1f},{},{},{},{},{},{},{},{},{},{},{},{:.1e},{:.2f}\n", NameOf(family), count, most,
+             static_cast<double>(points) / count, cold.At(0.5), cold.At(0.99), cold.fallbacks[1],
+             cold.fallbacks[2], cold.fallbacks[3], cold.fallbacks[4], cold.unsolved, warm.At(0.5),
+             warm.At(0.99), count - warm.fallbacks[0], warm.unsolved, law, 1e3 * seconds / count);
   std::fflush(stdout);
 }
 
@@ -82,8 +82,8 @@ int Main(int argc, char** argv) {
   }
   const std::vector<std::string> wanted(argv + 2, argv + argc);
   fmt::print(
-      "family,problems,contacts_most,contacts_mean,cold_median,cold_p99,cold_stage1,cold_stage2,cold_stage3,"
-      "cold_unsolved,warm_median,warm_p99,warm_helped,warm_unsolved,law,cold_ms\n");
+      "family,problems,contacts_most,contacts_mean,cold_median,cold_p99,cold_dilatancy,cold_frozen,cold_softer,"
+      "cold_path,cold_unsolved,warm_median,warm_p99,warm_helped,warm_unsolved,law,cold_ms\n");
   for (Family family : kFamilies)
     if (wanted.empty() || std::find(wanted.begin(), wanted.end(), NameOf(family)) != wanted.end())
       Print(family, count);

@@ -64,12 +64,15 @@ void RegularizedContactProblem::UpdateMode(const PairRows& pair, PointRows& poin
   if (point.HasMoments()) UpdateMoments(point, Turning(pair, point), normal, true);
 }
 
-// Σ |λ| as inertia weighs them: of impulses that cancel, rounding stays in every w.
-double RegularizedContactProblem::ImpulseSize() const {
-  double size = 0;
-  for (const PointRows& point : points)
-    if (!point.impulse.isZero(0)) size += std::sqrt(point.compliance.inverse_mass) * point.impulse.norm();
-  return size;
+// Rounding of Σ |λ|, as inertia weighs them, which stays in the w of every point where impulses cancel.
+double RegularizedContactProblem::NoiseOfCancellation() const {
+  double size = 0, loaded = 0;
+  for (const PointRows& point : points) {
+    if (point.impulse.isZero(0)) continue;
+    size += std::sqrt(point.compliance.inverse_mass) * point.impulse.norm();
+    ++loaded;
+  }
+  return kRounding * size * std::sqrt(loaded);
 }
 
 void RegularizedContactProblem::UpdateMoments(PointRows& point, const Vector3& turning, double y_n,
@@ -136,7 +139,7 @@ void RegularizedContactProblem::MeasureLaw(const double* d) {
     }
   for (LimitRows& limit : limits) EvaluateLimit(limit, d);
   law_gap_ = std::sqrt(law_gap_);
-  law_noise_ = std::sqrt(law_noise_) + kRounding * ImpulseSize();
+  law_noise_ = std::sqrt(law_noise_) + NoiseOfCancellation();
 }
 
 void RegularizedContactProblem::UpdateModes(const double* d, bool first) {
@@ -168,7 +171,7 @@ void RegularizedContactProblem::UpdateModes(const double* d, bool first) {
     limit.at_rest = limit.constant - limit.D * (limit.base + limit.offset);
   }
   law_gap_ = std::sqrt(law_gap_);
-  law_noise_ = std::sqrt(law_noise_) + kRounding * ImpulseSize();
+  law_noise_ = std::sqrt(law_noise_) + NoiseOfCancellation();
   GatherPush(&LimitRows::at_rest);
 }
 

@@ -12,8 +12,9 @@ class FrictionContinuation {
  public:
   void Reserve(int num_contacts, int num_limits, int freedoms);
   /// From `d`, the answer at a share of friction of 0, with its impulses in `rows`, to that at 1. Leaves the
-  /// answer in `d` and `rows` if true, friction whole in any case.
-  bool Follow(RegularizedContactProblem& rows, std::vector<double>& d, double tolerance, int& iterations);
+  /// answer in `d` and `rows` if true, friction whole in any case. Gives up where `iterations` has become the most.
+  bool Follow(RegularizedContactProblem& rows, std::vector<double>& d, double tolerance, int most_iterations,
+              int& iterations);
 
  private:
   // Tangent of the path, normalised: of d and of the share.

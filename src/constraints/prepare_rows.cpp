@@ -71,6 +71,7 @@ bool RegularizedContactProblem::PreparePoint(const ContactConstraint& in, const 
                                              PointRows& out,
                                              const Eigen::Ref<const VectorX>& velocities) const {
   out.law.frozen_normal = -1;
+  out.law.dilatancy = 0;
   out.velocity.offset.setZero();
   out.velocity.shift.setZero();
   out.turning.offset.setZero();

@@ -103,14 +103,17 @@ void RegularizedContactProblem::Evaluate(const double* d, bool with_derivative) 
         point.moment.setZero();
         continue;
       }
-      const FrictionCone::Trial y = point.law.AtVelocity(Speed(pair, point));
-      point.impulse = point.law.Project(y);
-      point.linearization.mode = point.law.ModeOf(y);
-      point.utilization = y.Utilization();
-      if (with_derivative) {
-        point.law.Derivative(y, point.linearization.D);
-        point.linearization.is_clear = false;
+      if (point.law.dilatancy > 0) {
+        point.linearization.mode = point.law.ProjectDilatant(
+            Speed(pair, point), point.impulse, with_derivative ? &point.linearization.D : nullptr);
+      } else {
+        const FrictionCone::Trial y = point.law.AtVelocity(Speed(pair, point));
+        point.impulse = point.law.Project(y);
+        point.linearization.mode = point.law.ModeOf(y);
+        point.utilization = y.Utilization();
+        if (with_derivative) point.law.Derivative(y, point.linearization.D);
       }
+      if (with_derivative) point.linearization.is_clear = false;
       if (point.HasMoments()) RespondMoments(point, Turning(pair, point), with_derivative);
       if (!point.CarriesLoad()) continue;
       noise += point.noise * point.noise;

@@ -241,7 +241,7 @@ class RegularizedContactProblem {
   void UpdateMode(const PairRows& pair, PointRows& point, bool first);
   void UpdateMoments(PointRows& point, const Vector3& turning, double y_n, bool with_piece);
   double EvaluateLimit(LimitRows& limit, const double* d);
-  double ImpulseSize() const;
+  double NoiseOfCancellation() const;
   double AddGap(double inverse_mass, double gap2, double rounding);
   double AddGap(PointRows& point, double gap2);
   void SetPairCompliance(PairRows& pair, double max_relative_regularization);

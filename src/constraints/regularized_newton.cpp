@@ -9,9 +9,15 @@ namespace fork1s::internal {
 namespace {
 
 constexpr int kPatience = 12, kConvexIterations = 100, kMaxFrozenBoundRounds = 30;
+// Dilatancies on the way to none, and how near to each answer the next begins. Of problems of a pushed pile 18 % lost the
+// way by levels 0.5 apart, 37 % by 0.3.
+constexpr double kLessDilatancy = 0.4, kLeastDilatancy = 0.004, kOnTheWay = 1e-4;
+constexpr int kMaxDilatancies = 24;
 constexpr int kPaths = 8;  // with another shift each; of twice as many the second half brought no answer
 constexpr double kShift = 0.01;                 // of the fastest point
 constexpr double kGoldenRatio = 0.61803398875;  // its multiples fill [0, 1] evenly
+// Of 222 problems that came to this 193 were solved by then, and 24 more within five times as many: a step is halved sooner.
+constexpr int kMaxPathIterations = 5000;
 
 }  // namespace
 
@@ -64,7 +70,8 @@ bool RegularizedNewton::SolveByContinuation(RegularizedContactProblem& rows, dou
   double speed = 0, next = 0;
   for (const PointRows& point : rows.points) speed = std::max(speed, point.velocity.base.norm());
   bool found = false;
-  for (int path = 0; path < kPaths && !found; ++path) {
+  const int begun = iterations;
+  for (int path = 0; path < kPaths && !found && iterations - begun < kMaxPathIterations; ++path) {
     for (PointRows& point : rows.points)
       for (double& x : point.velocity.shift) {
         next += kGoldenRatio;
@@ -74,10 +81,35 @@ bool RegularizedNewton::SolveByContinuation(RegularizedContactProblem& rows, dou
     rows.SetFrictionShare(0);
     found = Run(rows, tolerance, kConvexIterations, kConvexIterations, iterations);
     rows.SetFrictionShare(1);
-    found = found && path_.Follow(rows, d_, tolerance, iterations);
+    found = found && path_.Follow(rows, d_, tolerance, begun + kMaxPathIterations, iterations);
   }
   for (PointRows& point : rows.points) point.velocity.shift.setZero();
   return found;
+}
+
+// From the answer of the associated law, a convex problem, along those of laws with less and less dilatancy; where the
+// next is not found the way to it is halved.
+bool RegularizedNewton::SolveByDilatancy(RegularizedContactProblem& rows, double tolerance, int& iterations) {
+  const auto run = [&](double dilatancy) {
+    for (PointRows& point : rows.points) point.law.dilatancy = dilatancy;
+    const int patience = dilatancy < 1 ? kPatience : kConvexIterations;
+    return Run(rows, dilatancy > 0 ? kOnTheWay : tolerance, 4 * patience, patience, iterations);
+  };
+  double at = 1, factor = kLessDilatancy;
+  bool found = run(at);
+  for (int k = 0; k < kMaxDilatancies && found && at > 0; ++k) {
+    const double next = at * factor < kLeastDilatancy ? 0 : at * factor;
+    kept_ = d_;
+    if (run(next)) {
+      at = next;
+      factor = std::max(kLessDilatancy, factor * factor);
+    } else {
+      d_ = kept_;
+      factor = std::sqrt(factor);
+    }
+  }
+  for (PointRows& point : rows.points) point.law.dilatancy = 0;
+  return found && at == 0;
 }
 
 // Rounds of the convex problem whose friction bounds are frozen, half way to what the last one bore each.
@@ -150,11 +182,16 @@ void RegularizedNewton::Solve(RegularizedContactProblem& rows, SemismoothNewton&
   if (!report.converged) {
     report.fallback = std::max(report.fallback, 1);
     d_ = kept_;
+    report.converged = SolveByDilatancy(rows, tolerance, iterations) && refines();
+  }
+  if (!report.converged) {
+    report.fallback = std::max(report.fallback, 2);
+    d_ = kept_;
     rows.Evaluate(d_.data(), false);
     report.converged = SolveByTresca(rows, 12, tolerance, iterations) && refines();
   }
   if (!report.converged) {
-    report.fallback = std::max(report.fallback, 2);
+    report.fallback = std::max(report.fallback, 3);
     std::fill(d_.begin(), d_.end(), 0.0);
     rows.Evaluate(d_.data(), false);
     bool found = false;
@@ -165,7 +202,7 @@ void RegularizedNewton::Solve(RegularizedContactProblem& rows, SemismoothNewton&
     report.converged = found && refines();
   }
   if (!report.converged) {
-    report.fallback = 3;
+    report.fallback = 4;
     kept_ = d_;
     report.converged = SolveByContinuation(rows, tolerance, iterations) && refines();
     if (!report.converged) {  // what softer contact left

@@ -22,6 +22,7 @@ class RegularizedNewton {
   bool Run(RegularizedContactProblem& rows, double tolerance, int max_iterations, int patience,
            int& iterations);
   bool SolveByContinuation(RegularizedContactProblem& rows, double tolerance, int& iterations);
+  bool SolveByDilatancy(RegularizedContactProblem& rows, double tolerance, int& iterations);
   bool SolveByTresca(RegularizedContactProblem& rows, int rounds, double tolerance, int& iterations);
   bool RefineBySemismooth(RegularizedContactProblem& rows, SemismoothNewton& semismooth, double tolerance,
                           int& iterations);

@@ -49,6 +49,31 @@ TEST(Contact, MassRatioOfAMillion) {
   EXPECT_NEAR(p.contacts[0].impulse[0], (1e3 + 1e-3) * kGravity * kStep, 1e-4 * 163);
 }
 
+// Overlaps all around press with a thousand times what is left of them: rounding of what cancels is in every row.
+TEST(Contact, OverlapsAllAround_SolvedToRounding) {
+  std::mt19937 random(4);
+  for (int draw = 0; draw < 200; ++draw) {
+    Problem p;
+    p.W = {RigidBodyW(0.1, 1e-5)};
+    p.Finish();
+    const int count = 20 + 2 * (draw % 30);
+    for (int i = 0; i < count; ++i) {
+      const Vector3 out = testing::RandomUnit(random);
+      p.contacts.push_back(TouchAt(-1, Vector3::Zero(), 0, 0.02 * out,
+                                   (0.5 * testing::RandomUnit(random) - out).normalized(), 1));
+    }
+    for (ContactConstraint& c : p.contacts) {
+      c.compliance_normal = 1e-4;
+      c.compliance_tangent = 5e-4;
+      c.bias[0] = -0.1;
+    }
+    p.velocity[5] = -kGravity * kStep;
+    const ContactSolverReport report = SolveProblem(p);
+    EXPECT_TRUE(report.converged) << draw << ": " << report.residual;
+    EXPECT_LT(report.fallback, 3) << draw;
+  }
+}
+
 // Two springs of the material, since nothing moves the plate, whatever the ball bore before.
 TEST(Contact, DrivenPlatePressesOnBall_ImpulseOfTheMaterial) {
   constexpr double kMass = 0.03, kSpeed = 0.15, kDepth = 1e-3, kCompliance = 0.01;  // kg, m/s, m/s, 1/kg

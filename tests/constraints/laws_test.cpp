@@ -89,6 +89,54 @@ TEST(FrictionCone, DerivativeMatchesFiniteDifferences) {
   for (const int count : counts) EXPECT_GT(count, 50);
 }
 
+// What slips by u opens by δ µ |u|; without dilatancy it is Coulomb's law, with δ = 1 the gradient of a convex function.
+TEST(FrictionCone, DilatantLaw_OpensByItsShareOfTheSlip) {
+  std::mt19937 random(5);
+  int counts[3] = {0, 0, 0};
+  for (const double scale : kScales)
+    for (int draw = 0; draw < 600; ++draw) {
+      FrictionCone law = DrawCone(random, scale);
+      law.dilatancy = draw % 3 == 0 ? 1 : draw % 3 == 1 ? Uniform(random, 0, 1) : 0;
+      const Vector3 y = DrawVector(random, scale), w = -Vector3(law.R_n, law.R_t, law.R_t).cwiseProduct(y);
+      Vector3 impulse;
+      Matrix3 D;
+      const ContactMode mode = law.ProjectDilatant(w, impulse, &D);
+      ++counts[static_cast<int>(mode)];
+      EXPECT_GE(impulse[0], 0);
+      const Vector2 slip = w.tail<2>() + law.R_t * impulse.tail<2>();
+      if (mode == ContactMode::kSliding) {
+        const double R = std::max(law.R_n, law.R_t);
+        EXPECT_NEAR(w[0] + law.R_n * impulse[0], law.dilatancy * law.coefficient * slip.norm(),
+                    1e-12 * R * scale);
+        EXPECT_NEAR(impulse.tail<2>().norm(), law.coefficient * impulse[0], 1e-12 * scale);
+        EXPECT_NEAR(impulse.tail<2>().dot(slip), -impulse.tail<2>().norm() * slip.norm(),
+                    1e-11 * R * scale * scale);
+      }
+      if (mode == ContactMode::kSticking) {
+        EXPECT_LT(slip.norm(), 1e-12 * law.R_t * scale);
+      }
+      if (law.dilatancy == 0 && !IsNearEdge(law, y, scale)) {
+        EXPECT_LT((impulse - law.Project(y)).norm(), 1e-12 * scale);
+      }
+      if (law.dilatancy == 1) {
+        EXPECT_LE((D - D.transpose()).norm(), 1e-12 * D.norm());
+      }
+      Matrix3 differences;
+      bool same = true;
+      for (int k = 0; k < 3; ++k) {
+        const Vector3 step = kStep * law.R_t * scale * Vector3::Unit(k);
+        Vector3 before, after;
+        same = same && law.ProjectDilatant(w - step, before, nullptr) == mode &&
+               law.ProjectDilatant(w + step, after, nullptr) == mode;
+        differences.col(k) = (before - after) / (2 * kStep * law.R_t * scale);
+      }
+      if (same && y.tail<2>().norm() > 0.05 * scale) {
+        EXPECT_LT((differences - D).norm(), 1e-6 * (D.norm() + 1 / law.R_t));
+      }
+    }
+  for (const int count : counts) EXPECT_GT(count, 50);
+}
+
 // λ = −D w of a mode is Newton's step on λ = Π(λ − ρ (w + R λ)): D = (1 − Π' (1 − ρ R))⁻¹ Π' ρ.
 TEST(FrictionCone, LinearizationSolvesTheDerivativeOfTheNaturalMap) {
   std::mt19937 random(3);

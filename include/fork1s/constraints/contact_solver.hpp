@@ -107,8 +107,8 @@ struct ContactSolverOptions {
 struct ContactSolverReport {
   /// Factorizations of the whole problem. Low-rank updates between them are not counted.
   int newton_iterations = 0;
-  /// Fallback that was used: 0 none; 1 Tresca iterations, with friction bounds held fixed; 2 those with
-  /// increased compliance; 3 continuation in the friction coefficient.
+  /// Fallback that was used: 0 none; 1 continuation in the dilatancy; 2 Tresca iterations, with friction bounds held
+  /// fixed; 3 those with increased compliance; 4 continuation in the friction coefficient.
   int fallback = 0;
   double residual = 0;          // of the velocities that contact changes, as `tolerance`
   double residual_impulse = 0;  // N·s: the same as an error of the largest contact impulse

@@ -29,6 +29,7 @@ struct FrictionCone {
   double coefficient = 0;     // µ
   double share = 1;           // of µ that counts
   double frozen_normal = -1;  // N·s: impulse that the bound is taken from; below 0: Π_n(y)
+  double dilatancy = 0;       // share δ of µ by which slip opens the contact; 1: associated, convex
 
   /// y, and the friction bound s at it.
   struct Trial {
@@ -110,6 +111,31 @@ struct FrictionCone {
     const Vector2 way = to - from;
     const double a = way.squaredNorm(), b = from.dot(way), c = from.squaredNorm() - limit2;
     return std::clamp((-b + std::sqrt(std::max(0.0, b * b - a * c))) / a, 0.0, 1.0);
+  }
+
+  /// With dilatancy δ: slip u = w_t + R_t λ_t opens the contact by δ µ |u|, so that
+  ///     λ_n = (−w_n + δ µ |w_t|)/(R_n + δ µ² R_t),   λ_t = µ λ_n e,   e = −w_t/|w_t|
+  ContactMode ProjectDilatant(const Vector3& w, Vector3& impulse, Matrix3* D) const {
+    const double mu = share * coefficient, size = w.tail<2>().norm();
+    if (D) D->setZero();
+    if (size * R_n <= -mu * w[0] * R_t) {  // within
+      impulse << -w[0] / R_n, w.tail<2>() / -R_t;
+      if (D) D->diagonal() << 1 / R_n, 1 / R_t, 1 / R_t;
+      return ContactMode::kSticking;
+    }
+    const double R = R_n + dilatancy * mu * mu * R_t, normal = (dilatancy * mu * size - w[0]) / R;
+    impulse.setZero();
+    if (!(normal > 0)) return ContactMode::kOpen;
+    const Vector2 e = size > 0 ? Vector2(w.tail<2>() / -size) : Vector2(Vector2::Zero());
+    impulse << normal, mu * normal * e;
+    if (D) {
+      const Vector3 borne(1, mu * e[0], mu * e[1]), felt(1, dilatancy * mu * e[0], dilatancy * mu * e[1]);
+      *D = borne * felt.transpose() / R;
+      if (size > 0)
+        D->bottomRightCorner<2, 2>() +=
+            mu * normal / size * (Eigen::Matrix2d::Identity() - e * e.transpose());
+    }
+    return ContactMode::kSliding;
   }
 
   Vector3 Project(const Vector3& y) const { return Project(At(y[0], y.tail<2>(), 1 / R_t)); }
