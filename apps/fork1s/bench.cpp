@@ -224,9 +224,10 @@ void AddBench(CLI::App& app, Action& action) {
           "else all")
       ->delimiter(',')
       ->check(OneOf({"scenes", "precision", "many", "stability"}));
-  command->add_option("--time", args->time, "seconds to simulate (default 1)")->check(PositiveUpTo(1e4));
+  command->add_option("--time", args->time, "seconds to simulate (default 1)")
+      ->transform(PositiveSecondsUpTo(1e4));
   command->add_option("--dt", args->dt, "time step in s (default: each scene's)")
-      ->check(PositiveUpTo(kMostStep));
+      ->transform(PositiveSecondsUpTo(kMostStep));
   command->add_option("--controls", args->controls,
                       "CSV of control values instead of the table beside the model");
   command->add_option("--rounds", args->rounds, "how often each run is repeated, all in turn (default 5)")

@@ -21,6 +21,16 @@ bool ReadNumber(const std::string& text, double& value) {
   return !text.empty() && end == text.c_str() + text.size() && text.find_first_of(" \t\n") != 0;
 }
 
+// A number, or a quotient of two.
+bool ReadSeconds(const std::string& text, double& value) {
+  const std::size_t slash = text.find('/');
+  if (slash == std::string::npos) return ReadNumber(text, value);
+  double divisor = 0;
+  if (!ReadNumber(text.substr(0, slash), value) || !ReadNumber(text.substr(slash + 1), divisor)) return false;
+  value /= divisor;
+  return true;
+}
+
 CLI::Validator Check(const std::string& range, std::function<bool(double)> holds) {
   return CLI::Validator(
       [range, holds = std::move(holds)](const std::string& text) {
@@ -31,15 +41,38 @@ CLI::Validator Check(const std::string& range, std::function<bool(double)> holds
       "NUMBER");
 }
 
+// Its text of a quotient has all digits of the value.
+CLI::Validator CheckSeconds(const std::string& range, std::function<bool(double)> holds) {
+  return CLI::Validator(
+      [range, holds = std::move(holds)](std::string& text) {
+        double value = 0;
+        if (!ReadSeconds(text, value) || !std::isfinite(value) || !holds(value))
+          return fmt::format("'{}' is no number of seconds, nor a quotient such as 1/60, {}", text, range);
+        if (text.find('/') != std::string::npos) text = fmt::format("{}", value);
+        return std::string();
+      },
+      "NUMBER");
+}
+
+std::string ClosedRange(double least, double most) { return fmt::format("from {:g} to {:g}", least, most); }
+std::string PositiveRange(double most) { return fmt::format("above 0 and up to {:g}", most); }
+
 }  // namespace
 
 CLI::Validator NumberWithin(double least, double most) {
-  return Check(fmt::format("from {:g} to {:g}", least, most),
-               [least, most](double v) { return v >= least && v <= most; });
+  return Check(ClosedRange(least, most), [least, most](double v) { return v >= least && v <= most; });
 }
 
 CLI::Validator PositiveUpTo(double most) {
-  return Check(fmt::format("above 0 and up to {:g}", most), [most](double v) { return v > 0 && v <= most; });
+  return Check(PositiveRange(most), [most](double v) { return v > 0 && v <= most; });
+}
+
+CLI::Validator SecondsWithin(double least, double most) {
+  return CheckSeconds(ClosedRange(least, most), [least, most](double v) { return v >= least && v <= most; });
+}
+
+CLI::Validator PositiveSecondsUpTo(double most) {
+  return CheckSeconds(PositiveRange(most), [most](double v) { return v > 0 && v <= most; });
 }
 
 CLI::Validator OneOf(std::vector<std::string> words) {

@@ -20,6 +20,9 @@ inline constexpr double kMostStep = 1000;    // s
 CLI::Validator NumberWithin(double least, double most);
 /// The same above 0.
 CLI::Validator PositiveUpTo(double most);
+/// The same of times in s: numbers or quotients of two, such as 1/60, which become numbers. For Option::transform.
+CLI::Validator SecondsWithin(double least, double most);
+CLI::Validator PositiveSecondsUpTo(double most);
 /// One of these words; the message has near ones.
 CLI::Validator OneOf(std::vector<std::string> words);
 /// The same, and the number of the enumerator in place of the word, as CLI11 reads enumerations. Any case.

@@ -234,9 +234,10 @@ void AddCompare(CLI::App& app, Action& action) {
       ->add_option("--mujoco-integrator", args->integrator,
                    "with --against mujoco: Euler, implicitfast or discrete (default: the file's)")
       ->transform(OneOf(integrators));
-  command->add_option("--time", args->time, "seconds to simulate (default 2)")->check(PositiveUpTo(1e5));
+  command->add_option("--time", args->time, "seconds to simulate (default 2)")
+      ->transform(PositiveSecondsUpTo(1e5));
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
-      ->check(PositiveUpTo(kMostStep));
+      ->transform(PositiveSecondsUpTo(kMostStep));
   command->add_option("--controls", args->inputs.controls,
                       "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
   AddPushTo(*command, args->inputs.pushes);

@@ -250,7 +250,7 @@ void AddExport(CLI::App& app, Action& action) {
       ->check(CLI::Range(64, 2160));
   command
       ->add_option("--at", args->options.at, "seconds after the start: draw this moment alone, to FILE.png")
-      ->check(NumberWithin(0, kMostSeconds));
+      ->transform(SecondsWithin(0, kMostSeconds));
   command->add_option("--from", args->from, "AZIMUTH,ELEVATION of the camera in degrees, 0,0: from +x")
       ->delimiter(',')
       ->expected(2)

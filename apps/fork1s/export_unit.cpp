@@ -13,7 +13,7 @@ void UnitArguments::AddTo(CLI::App& command) {
   command.option_defaults()->group(kUnitOptions);
   command.add_option("--fmi", fmi, "version of FMI: 3 (default) for 3.0, 2 for 2.0")->check(CLI::Range(2, 3));
   command.add_option("--dt", dt, "internal time step in s (default: the model's)")
-      ->check(PositiveUpTo(kMostStep));
+      ->transform(PositiveSecondsUpTo(kMostStep));
   AddIntegratorTo(command, integrator);
   AddRecoveryTo(command, recovery);
   command

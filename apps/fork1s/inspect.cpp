@@ -182,7 +182,7 @@ void AddInspect(CLI::App& app, Action& action) {
   auto time = std::make_shared<double>(0);
   model->AddTo(*command);
   command->add_option("--time", *time, "of a folder: also run every model for so many seconds")
-      ->check(NumberWithin(0, kMostSeconds));
+      ->transform(SecondsWithin(0, kMostSeconds));
   command->callback([&action, model, time] {
     action = [model, time]() -> int {
       std::error_code ignored;

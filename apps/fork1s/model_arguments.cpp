@@ -156,7 +156,7 @@ void ModelArguments::AddTo(CLI::App& command) {
       ->take_all()
       ->allow_extra_args(false);
   command.add_option("--read-time", read_time, "end reading after this many seconds (default 60)")
-      ->check(PositiveUpTo(kMostSeconds));
+      ->transform(PositiveSecondsUpTo(kMostSeconds));
   command.option_defaults()->group("Options");
   command.add_flag("--json", json, "print one JSON object and nothing else");
 }

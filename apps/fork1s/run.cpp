@@ -240,11 +240,12 @@ void AddRun(CLI::App& app, Action& action) {
   auto args = std::make_shared<RunArguments>();
   args->model.AddTo(*command);
   auto* time = command->add_option("--time", args->time, "seconds to simulate (default 2)")
-                   ->check(NumberWithin(0, kMostSeconds));
+                   ->transform(SecondsWithin(0, kMostSeconds));
   auto* steps = command->add_option("--steps", args->num_steps, "steps to simulate, instead of --time")
                     ->check(CLI::Range(0, std::numeric_limits<int>::max()))
                     ->excludes(time);
-  command->add_option("--dt", args->dt, "time step in s (default 1/60)")->check(PositiveUpTo(kMostStep));
+  command->add_option("--dt", args->dt, "time step in s (default 1/60)")
+      ->transform(PositiveSecondsUpTo(kMostStep));
   command->add_option("--controls", args->inputs.controls,
                       "CSV of control values and pushes: time,NAME,...,force:BODY:x,...");
   AddPushTo(*command, args->inputs.pushes);

@@ -198,13 +198,13 @@ void AddView(CLI::App& app, Action& action) {
                     "serve the page without a token in its address, to every user of this machine");
   command->add_flag("--no-watch", args->no_watch, "do not load the model again when its file changes");
   command->add_option("--dt", args->dt, "time step in s (default: the file's)")
-      ->check(PositiveUpTo(kMostStep));
+      ->transform(PositiveSecondsUpTo(kMostStep));
   command->add_option("--controls", args->controls,
                       "CSV of control values and pushes, as of run; a slider takes its control out of it");
   AddIntegratorTo(*command, args->integrator);
   AddRecoveryTo(*command, args->recovery);
   command->add_option("--time", args->time, "end after this many seconds (default: when told to)")
-      ->check(PositiveUpTo(kMostSeconds));
+      ->transform(PositiveSecondsUpTo(kMostSeconds));
   command->callback([&action, args] { action = [args] { return Run(*args); }; });
 }
 

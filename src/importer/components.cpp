@@ -106,9 +106,59 @@ void ReplaceDragWelds(Conversion& c, const Component& component) {
   }
 }
 
+// Planes and height fields, which no body that moves can carry.
+bool HasGround(const mjModel& m, int top) {
+  for (int g = 0; g < m.ngeom; ++g)
+    if (m.body_rootid[m.geom_bodyid[g]] == top &&
+        (m.geom_type[g] == mjGEOM_PLANE || m.geom_type[g] == mjGEOM_HFIELD))
+      return true;
+  return false;
+}
+
+// Trees that the file fixes to the world side by side, such as fingers beside their palm: freed each by itself they
+// would fall apart.
+struct SharedBase {
+  std::vector<int> trees;  // those with joints
+  int body = 0;  // the one without joints that floats with them; 0: at most one tree, or no such base wanted
+};
+
+Expected<SharedBase> FindSharedBase(const Conversion& c, const ImportOptions& options,
+                                    const std::vector<int>& joints) {
+  const mjModel& m = c.m;
+  SharedBase shared;
+  const Expected<WantedBase> wanted = FindWantedBase(c, options);
+  if (!wanted) return tl::unexpected<Error>(wanted.error());
+  if (wanted->kind != BaseKind::kFloating) return shared;
+  std::vector<int> bases;
+  for (int b = 1; b < m.nbody; ++b) {
+    if (m.body_parentid[b] != 0 || IsFreeTop(m, b) || IsMocap(m, b)) continue;
+    if (joints[static_cast<std::size_t>(b)] > 0)
+      shared.trees.push_back(b);
+    else if (!HasGround(m, b))
+      bases.push_back(b);
+  }
+  if (shared.trees.size() < 2) return shared;
+  if (bases.size() == 1) {
+    shared.body = bases[0];
+    return shared;
+  }
+  const auto names = [&](const std::vector<int>& bodies) {
+    std::vector<std::string> list;
+    for (const int b : bodies) list.push_back(c.body_names[static_cast<std::size_t>(b)]);
+    return Quoted(list, 8);
+  };
+  return tl::unexpected<Error>(c.ModelError(
+      wanted->where,
+      fmt::format("the bodies {} are fixed to the world side by side and carry joints, and {}, so it is not "
+                  "known which body floats; put those that float together into one <body>",
+                  names(shared.trees),
+                  bases.empty() ? "none without joints is their base"
+                                : fmt::format("any of {} may be their base", names(bases)))));
+}
+
 }  // namespace
 
-void FindComponents(Conversion& c) {
+std::optional<Error> FindComponents(Conversion& c, const ImportOptions& options) {
   const mjModel& m = c.m;
   const std::vector<int> joints = JointsOfTrees(m);
   const auto top_of = [&](int body) { return body == 0 ? 0 : m.body_rootid[body]; };
@@ -177,9 +227,23 @@ void FindComponents(Conversion& c) {
       touching.push_back(b);
   }
 
+  const Expected<SharedBase> shared = FindSharedBase(c, options, joints);
+  if (!shared) return shared.error();
+  if (shared->body != 0) {
+    std::vector<std::string> trees;
+    for (const int top : shared->trees) {
+      sets.Join(shared->body, top);
+      trees.push_back(c.body_names[static_cast<std::size_t>(top)]);
+    }
+    c.Note(ImportNote::Kind::kChosen,
+           fmt::format("body '{}'", c.body_names[static_cast<std::size_t>(shared->body)]),
+           fmt::format("floats as the one base of {}, which the file fixes to the world beside it",
+                       Quoted(trees, 8)));
+  }
+
   std::vector<int> component_of(m.nbody, -1);
   for (int b = 1; b < m.nbody; ++b) {
-    if (m.body_parentid[b] != 0 || is_still(b)) continue;
+    if (m.body_parentid[b] != 0 || (is_still(b) && b != shared->body)) continue;
     int& index = component_of[sets.Find(b)];
     if (index < 0) {
       index = static_cast<int>(c.components.size());
@@ -202,10 +266,13 @@ void FindComponents(Conversion& c) {
       continue;
     }
     ChooseBase(c, component, touches, joints);
+    if (shared->body != 0 && sets.Find(component.tops[0]) == sets.Find(shared->body))
+      component.base_body = shared->body;
     ReplaceDragWelds(c, component);
     kept.push_back(component);
   }
   c.components = std::move(kept);
+  return std::nullopt;
 }
 
 }  // namespace fork1s::internal

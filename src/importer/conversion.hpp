@@ -184,12 +184,22 @@ std::string NameOr(const mjModel& m, int address, const char* kind, int id);
 /// Everything below, in order (importer.cpp).
 std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const std::vector<Mimic>& mimics);
 
+/// The base of option or <custom>, where one of them names any (interfaces.cpp).
+struct WantedBase {
+  std::optional<BaseKind> kind;
+  std::string where = "option base";  // in messages
+  ErrorCode code = ErrorCode::kUsage;
+};
+Expected<WantedBase> FindWantedBase(const Conversion& c, const ImportOptions& options);
 /// Which trees form which mechanism (components.cpp).
-void FindComponents(Conversion& c);
+std::optional<Error> FindComponents(Conversion& c, const ImportOptions& options);
 /// Bodies, joints and free bodies of every component (bodies.cpp).
 void ConvertBodies(Conversion& c);
 /// Shapes (geoms.cpp).
 void ConvertGeoms(Conversion& c);
+/// Shapes of the world that have no name, by the still body that has them (geoms.cpp); after ConvertSensors, which finds
+/// shapes by those of the file.
+void NameStillShapes(Conversion& c);
 /// Meshes in a unit that cannot be, and hollow ones (mesh_notes.cpp).
 void ListDoubtfulMeshes(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).

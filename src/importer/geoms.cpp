@@ -245,4 +245,17 @@ void ConvertGeoms(Conversion& c) {
     c.Note(ImportNote::Kind::kChanged, "option", "contact is switched off, so no shape touches");
 }
 
+void NameStillShapes(Conversion& c) {
+  const mjModel& m = c.m;
+  for (int g = 0; g < m.ngeom; ++g) {
+    const int b = m.geom_bodyid[g];
+    if (b == 0 || !c.body[static_cast<std::size_t>(b)].still() || m.names[m.name_geomadr[g]] != '\0')
+      continue;
+    const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
+    for (GeometryDef& shape : c.scene.world)
+      if (shape.name == name)
+        shape.name = fmt::format("{}/{}", c.body_names[static_cast<std::size_t>(b)], name);
+  }
+}
+
 }  // namespace fork1s::internal

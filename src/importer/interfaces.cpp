@@ -29,6 +29,22 @@ std::vector<std::string> ListedNames(const std::string& text,
   return names;
 }
 
+Expected<WantedBase> FindWantedBase(const Conversion& c, const ImportOptions& options) {
+  WantedBase wanted;
+  wanted.kind = options.base;
+  if (wanted.kind) return wanted;
+  const std::optional<std::string> text = CustomText(c.m, "fork1s_base");
+  if (!text) return wanted;
+  wanted.where = "text 'fork1s_base'";
+  wanted.code = ErrorCode::kModel;
+  const std::vector<std::string> words = SplitWords(*text);
+  if (words.size() == 1) wanted.kind = Named(kBaseKindNames, words[0]);
+  if (!wanted.kind)
+    return tl::unexpected<Error>(
+        c.ModelError(wanted.where, fmt::format("'{}' is no base; write fixed, floating or driven", *text)));
+  return wanted;
+}
+
 namespace {
 
 std::optional<double> CustomNumber(const mjModel& m, const std::string& name) {
@@ -40,19 +56,10 @@ std::optional<double> CustomNumber(const mjModel& m, const std::string& name) {
 }
 
 std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
-  std::optional<BaseKind> base = options.base;
-  std::string where = "option base";
-  ErrorCode code = ErrorCode::kUsage;
-  if (!base) {
-    const std::optional<std::string> text = CustomText(c.m, "fork1s_base");
-    if (!text) return std::nullopt;
-    where = "text 'fork1s_base'";
-    code = ErrorCode::kModel;
-    const std::vector<std::string> words = SplitWords(*text);
-    if (words.size() == 1) base = Named(kBaseKindNames, words[0]);
-    if (!base)
-      return c.ModelError(where, fmt::format("'{}' is no base; write fixed, floating or driven", *text));
-  }
+  const Expected<WantedBase> wanted = FindWantedBase(c, options);
+  if (!wanted) return wanted.error();
+  const std::optional<BaseKind> base = wanted->kind;
+  if (!base) return std::nullopt;
   std::size_t at = 0;
   for (const Component& component : c.components) {
     if (component.free_body) continue;
@@ -60,7 +67,7 @@ std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
     if (mechanism.base == *base) continue;
     if (component.base_body == 0) {
       return Error{
-          code, fmt::format("{}, {}", c.file, where),
+          wanted->code, fmt::format("{}, {}", c.file, wanted->where),
           fmt::format("mechanism '{}' stands on the world itself, so its base cannot be {}; put a body "
                       "without joints under it, or leave the base fixed",
                       mechanism.name, Name(*base))};

@@ -85,6 +85,12 @@ class MjcfWriter {
   // MuJoCo moves the trees of a mechanism one by one, each by its own root.
   std::optional<Error> RefuseTrees(const Component& component, const std::string& option) const {
     if (component.tops.size() == 1) return std::nullopt;
+    if (component.base == BaseKind::kFixed && component.base_body != 0)
+      return Refuse(
+          option,
+          fmt::format("body '{}' is the base of trees beside it in the file, which MJCF does not move "
+                      "as one; put them into that body",
+                      c_.body_names[static_cast<std::size_t>(component.base_body)]));
     return Refuse(
         option,
         fmt::format("body '{}' is one of {} trees that its loops join, which MJCF does not move "

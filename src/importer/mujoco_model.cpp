@@ -115,7 +115,11 @@ std::string Remedy(const std::string& message) {
   if (says("allocate memory"))
     return "; memory is used up, close other programs, raise the limit (ulimit -v) or simplify the model";
   if (says("mass and inertia of moving bodies")) {
-    return "; give the body an <inertial> with positive mass and inertia, or a geom with mass";
+    return fmt::format(
+        "; give the body an <inertial> with positive mass and inertia, or a geom with mass. A mechanism so small that "
+        "its bodies are below MuJoCo's least, mjMINVAL = {0:g} kg and {0:g} kg m², is written in other units, such as "
+        "millimetres and grams: gravity is then 9810",
+        mjMINVAL);
   }
   if (says("could not open") || says("Cannot open") || says("could not find") || says("resource not found") ||
       says("Error opening file")) {

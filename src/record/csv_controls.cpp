@@ -7,6 +7,7 @@
 #include <fstream>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <string_view>
 
 #include <fmt/format.h>
@@ -51,6 +52,30 @@ std::optional<std::vector<std::string>> Cells(const std::string& line) {
   return cells;
 }
 
+std::string LowerCase(std::string text) {
+  for (char& c : text)
+    if (c >= 'A' && c <= 'Z') c += 'a' - 'A';
+  return text;
+}
+
+// What a header without a column 'time' lacks. Spreadsheets separate columns by ; where the decimal separator is a
+// comma.
+std::string NoTimeColumn(const std::vector<std::string>& header) {
+  for (const char separator : {';', '\t'}) {
+    if (header.size() > 1) break;
+    std::istringstream names(header[0]);
+    for (std::string name; std::getline(names, name, separator);)
+      if (name.size() < header[0].size() && LowerCase(Trimmed(name)) == "time")
+        return fmt::format(
+            "has {} between its columns; write commas there, as in time,name1,name2, and points in numbers",
+            separator == ';' ? "semicolons" : "tabs");
+  }
+  for (const std::string& name : header)
+    if (LowerCase(name) == "time")
+      return fmt::format("has no column named 'time' but one named '{}'; write it in lower case", name);
+  return "has no column named 'time'; the first line must be a header such as time,name1,name2";
+}
+
 // from_chars takes a point whatever the language of the system.
 std::optional<double> Number(const std::string& cell) {
   const char* first = cell.data() + (cell.size() > 1 && cell[0] == '+' && cell[1] != '-' ? 1 : 0);
@@ -90,8 +115,7 @@ Expected<ControlTrack> ReadControls(const std::string& path) {
     if (header.empty()) {
       header = *cells;
       const auto time = std::find(header.begin(), header.end(), "time");
-      if (time == header.end())
-        return refuse("has no column named 'time'; the first line must be a header such as time,name1,name2");
+      if (time == header.end()) return refuse(NoTimeColumn(header));
       time_column = static_cast<std::size_t>(time - header.begin());
       std::set<std::string_view> named;
       for (std::size_t k = 0; k < header.size(); ++k) {

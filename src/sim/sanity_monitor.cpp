@@ -64,24 +64,45 @@ std::string Quoted(const Simulation& simulation, int body) {
   return body < 0 ? "the world" : "'" + simulation.bodies()[static_cast<std::size_t>(body)].name + "'";
 }
 
-std::string NameOf(const Simulation& simulation, int collision_body) {
-  return Quoted(simulation, simulation.BodyOfCollisionBody(collision_body));
+constexpr int kWorld = 0;  // the collision body of the still world
+
+// `shape`: index among those of the still world, where it is that; -1: not known.
+std::string NameOf(const Simulation& simulation, int collision_body, int shape) {
+  const int body = simulation.BodyOfCollisionBody(collision_body);
+  const CollisionBody& c = simulation.world().collision_bodies()[static_cast<std::size_t>(collision_body)];
+  if (body >= 0 || c.kind != CollisionBody::Kind::kWorld) return Quoted(simulation, body);
+  if (c.name != "world") return "'" + c.name + "'";  // a fixed base
+  const auto& shapes = simulation.present_scene().world;
+  if (collision_body != kWorld || shape < 0) return Quoted(simulation, body);
+  return "the world (shape '" + shapes[static_cast<std::size_t>(shape)].name + "')";
 }
 
-bool IsDrivenBase(const Simulation& simulation, int collision_body) {
-  const CollisionBody& c = simulation.world().collision_bodies()[static_cast<std::size_t>(collision_body)];
-  if (c.kind != CollisionBody::Kind::kGroup) return false;
+// Index of the mechanism whose driven base presses a collision body against another; -1 for none. Of `wedged` ones no
+// joint gives way, so that each of its bodies goes where the base does.
+int DrivenMechanism(const Simulation& simulation, int body, int other, bool wedged) {
+  const auto& bodies = simulation.world().collision_bodies();
+  const CollisionBody &c = bodies[static_cast<std::size_t>(body)],
+                      &o = bodies[static_cast<std::size_t>(other)];
+  if (c.kind != CollisionBody::Kind::kGroup) return -1;
   const MechanismDynamics& m = simulation.world().mechanisms()[static_cast<std::size_t>(c.index)];
-  return m.mechanism().base() == BaseKind::kDriven &&
-         m.groups()[static_cast<std::size_t>(c.group)].last_joint < 0;
+  if (m.mechanism().base() != BaseKind::kDriven) return -1;
+  const bool is_base = m.groups()[static_cast<std::size_t>(c.group)].last_joint < 0;
+  const bool within = o.kind == CollisionBody::Kind::kGroup && o.index == c.index;
+  return is_base || (wedged && !within) ? c.index : -1;
 }
 
 // What helps where one of two is pressed into the other: a driven base goes where its controls say.
-std::string RemedyFor(const Simulation& simulation, int a, int b, const char* otherwise) {
-  if (!IsDrivenBase(simulation, a) && !IsDrivenBase(simulation, b)) return otherwise;
-  return "its controls drive " + NameOf(simulation, IsDrivenBase(simulation, b) ? b : a) +
-         ", which no contact stops; let them end before the contact, or make the base floating";
+std::string RemedyFor(const Simulation& simulation, int a, int b, bool wedged, const char* otherwise) {
+  int driven = DrivenMechanism(simulation, b, a, wedged);
+  if (driven < 0) driven = DrivenMechanism(simulation, a, b, wedged);
+  if (driven < 0) return otherwise;
+  const Mechanism& mechanism = simulation.world().mechanisms()[static_cast<std::size_t>(driven)].mechanism();
+  return "its controls drive '" + mechanism.body(BodyIndex(0)).name +
+         "', which no contact stops; let them end before the contact, make the base floating, or press by a servo "
+         "with a bound";
 }
+
+constexpr const char* kStartApart = "place them apart at the start, or exclude the pair";
 
 // Activations of the controls of mechanisms, or the controls themselves where they have no dynamics, then all controls.
 VectorX InputsOf(const Simulation& simulation) {
@@ -176,12 +197,18 @@ void SanityMonitor::UpdatePairs(const Simulation& simulation) {
     PairContact& pair = pairs[key];
     const double sign = c.point.body_a == key.first ? 1 : -1;
     pair.force_W += sign / simulation.dt() * (c.point.frame.transpose() * c.impulse);
+    if (key.first == kWorld && (pair.still_shape < 0 || -c.point.gap > pair.depth))
+      pair.still_shape = sign > 0 ? c.point.geometry_a : c.point.geometry_b;
     pair.depth = std::max(pair.depth, -c.point.gap);
     pair.gives_way = pair.gives_way || c.gives_way;
   }
   for (auto& [key, pair] : pairs) {
     const auto before = pairs_.find(key);
-    if (before != pairs_.end() && pair.depth > 0) pair.overlap = before->second.overlap;
+    if (before != pairs_.end() && pair.depth > 0) {
+      pair.overlap = before->second.overlap;
+      pair.was_wedged = before->second.was_wedged;
+    }
+    pair.was_wedged |= pair.gives_way;
     if (!(pair.depth > kSunken * DiameterOf(key))) continue;
     pair.sunk_since = simulation.time();
     if (before != pairs_.end() && before->second.sunk_since) pair.sunk_since = before->second.sunk_since;
@@ -204,11 +231,13 @@ double SanityMonitor::DiameterOf(const BodyPair& pair) const {
 void SanityMonitor::CheckDepths(const Simulation& simulation) {
   for (const auto& [key, pair] : pairs_) {
     const double radius = 0.5 * DiameterOf(key);
-    Note(kDeep, pair.depth / (kDeepest * radius), [&, a = key.first, b = key.second, depth = pair.depth] {
-      return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
-             Print("%.3g mm deep in ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
+    Note(kDeep, pair.depth / (kDeepest * radius), [&, a = key.first, b = key.second, &pair = pair] {
+      return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b, pair.still_shape) +
+             " is " + Print("%.3g mm deep in ", 1e3 * pair.depth, 0, 0) +
+             NameOf(simulation, a, pair.still_shape) +
              Print(", and the smaller of the two has a radius of %.3g mm; ", 1e3 * radius, 0, 0) +
-             RemedyFor(simulation, a, b, "try a smaller time step, or place them apart at the start");
+             RemedyFor(simulation, a, b, pair.was_wedged,
+                       "try a smaller time step, or place them apart at the start");
     });
   }
 }
@@ -218,23 +247,21 @@ void SanityMonitor::CheckSinking(const Simulation& simulation) {
   for (const auto& [key, pair] : pairs_) {
     if (!pair.sunk_since || simulation.time() - *pair.sunk_since < kLasting) continue;
     const double size = DiameterOf(key);
-    Note(
-        kSunk, pair.depth / (kSunken * size),
-        [&, a = key.first, b = key.second, depth = pair.depth, since = *pair.sunk_since,
-         overlap = pair.overlap] {
-          const std::string remedy =
-              overlap > kSunken * size
-                  ? Print(
-                        "they overlap by %.3g mm at the start; place them apart at the start, or exclude the pair",
-                        1e3 * overlap, 0, 0)
-                  : "the contact does not carry what presses on it; bring their masses closer together, or press "
-                    "less";
-          return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b) + " is " +
-                 Print("%.3g mm into ", 1e3 * depth, 0, 0) + NameOf(simulation, a) +
-                 Print(", for %.2g s, and the smaller of the two has a size of %.3g mm: ",
-                       simulation.time() - since, 1e3 * size, 0) +
-                 RemedyFor(simulation, a, b, remedy.c_str());
-        });
+    Note(kSunk, pair.depth / (kSunken * size), [&, a = key.first, b = key.second, &pair = pair] {
+      const std::string remedy =
+          pair.overlap > kSunken * size
+              ? Print(
+                    "they overlap by %.3g mm at the start; place them apart at the start, or exclude the pair",
+                    1e3 * pair.overlap, 0, 0)
+              : "the contact does not carry what presses on it; bring their masses closer together, or press "
+                "less";
+      return "at " + Print("%.4g s ", simulation.time(), 0, 0) + NameOf(simulation, b, pair.still_shape) +
+             " is " + Print("%.3g mm into ", 1e3 * pair.depth, 0, 0) +
+             NameOf(simulation, a, pair.still_shape) +
+             Print(", for %.2g s, and the smaller of the two has a size of %.3g mm: ",
+                   simulation.time() - *pair.sunk_since, 1e3 * size, 0) +
+             RemedyFor(simulation, a, b, pair.was_wedged, remedy.c_str());
+    });
   }
 }
 
@@ -246,29 +273,33 @@ void SanityMonitor::CheckForces(const Simulation& simulation, const Seen& seen) 
     if (force > most) most = force, strongest = key;
     if (pair.gives_way)
       Note(kForce, 2 + force / weight_, [&] {
-        return Print("at %.4g s ", simulation.time(), 0, 0) + NameOf(simulation, key.first) + " and " +
-               NameOf(simulation, key.second) +
-               Print(
-                   " are wedged: no force keeps them apart, and their contact gives way under %.3g N; place them apart "
-                   "at the start, exclude the pair, or press by a servo with a bound instead of a driven base",
-                   force, 0, 0);
+        return Print("at %.4g s ", simulation.time(), 0, 0) +
+               NameOf(simulation, key.first, pair.still_shape) + " and " +
+               NameOf(simulation, key.second, pair.still_shape) +
+               Print(" are wedged: no force keeps them apart, and their contact gives way under %.3g N; ",
+                     force, 0, 0) +
+               RemedyFor(simulation, key.first, key.second, true, kStartApart);
       });
   }
   const auto names = [&] {
-    return NameOf(simulation, strongest.first) + " and " + NameOf(simulation, strongest.second);
+    const int shape = pairs_.at(strongest).still_shape;
+    return NameOf(simulation, strongest.first, shape) + " and " + NameOf(simulation, strongest.second, shape);
   };
   Note(kForce, most / (kWedged * weight_), [&] {
     return Print("at %.4g s the contact of ", simulation.time(), 0, 0) + names() +
            Print(" bears %.3g N, %.2g times the weight of all that moves: they are wedged", most,
                  most / weight_, 0) +
-           "; place them apart at the start, or exclude the pair";
+           "; " + RemedyFor(simulation, strongest.first, strongest.second, true, kStartApart);
   });
   if (seen.converged) return;
   Note(kUnconverged, 2 + most / weight_, [&] {
     std::string at = Print("the step to %.4g s did not converge", simulation.time(), 0, 0);
     if (seen.residual > 0) at += Print(" to better than %.2g mm", 1e3 * seen.residual, 0, 0);
-    return (most > 0 ? at + Print(", with %.3g N between ", most, 0, 0) + names() : at) +
-           "; try a smaller time step";
+    constexpr const char* kShorterStep = "try a smaller time step";
+    if (!(most > 0)) return at + "; " + kShorterStep;
+    return at + Print(", with %.3g N between ", most, 0, 0) + names() + "; " +
+           RemedyFor(simulation, strongest.first, strongest.second, pairs_.at(strongest).was_wedged,
+                     kShorterStep);
   });
 }
 
@@ -318,7 +349,8 @@ void SanityMonitor::CheckEnergy(const Simulation& simulation, const Seen& seen) 
   if (!driven && !driven_before_ && rise > rounding)
     Note(kEnergy, rise / (kRise * kinetic_ + held), [&] {
       if (const auto pair = PushedApart(rise))
-        return NameOf(simulation, pair->first) + " and " + NameOf(simulation, pair->second) +
+        return NameOf(simulation, pair->first, pairs_.at(*pair).still_shape) + " and " +
+               NameOf(simulation, pair->second, pairs_.at(*pair).still_shape) +
                Print(
                    " overlap by %.3g mm at the start, and pushing them apart adds energy, %.3g J in the step "
                    "to %.4g s",

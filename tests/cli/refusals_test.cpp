@@ -114,6 +114,29 @@ TEST(Usage, ExitCodeTwo) {
   EXPECT_EQ(Fork1s("--version").code, 0);
 }
 
+TEST(Usage, TimesAreNumbersOrQuotients) {
+  const std::string model = Write("finger.xml", FingerModel());
+  const auto printed = [&](const std::string& arguments) {
+    const Outcome o = Fork1s("run --json " + arguments + " " + model);
+    EXPECT_EQ(o.code, 0) << arguments << "\n" << o.err;
+    return o.code == 0 ? o.Json() : nlohmann::json();
+  };
+  const auto quotients = printed("--dt 1/240 --time 1/8"),
+             numbers = printed("--dt 4.1666666666666666e-3 --time .125");
+  EXPECT_EQ(quotients["steps"], 30);
+  EXPECT_EQ(quotients["dt_s"], 1.0 / 240);
+  EXPECT_EQ(numbers["dt_s"], 1.0 / 240);
+  for (const char* words :
+       {"compare --dt 1/100 --time 1/10 --refinements 0", "view --no-open --port 0 --dt 1/60 --time 1/60"})
+    EXPECT_EQ(Fork1s(std::string(words) + " " + model).code, 0) << words;
+  for (const char* time : {"1/0", "1/", "/60", "1/60/2", "-1/60", "1/x", "0/60", "nan/2"})
+    for (const char* option : {"run --dt ", "view --time "}) {
+      const Outcome o = Fork1s(option + std::string(time) + " " + model);
+      EXPECT_EQ(o.code, 2) << option << time;
+      EXPECT_NE(o.err.find("1/60"), std::string::npos) << o.err;
+    }
+}
+
 TEST(Usage, NearCommandsAndOptionsAreNamed) {
   const std::string model = Write("finger.xml", FingerModel());
   const std::pair<std::string, std::string> cases[] = {{"rnu " + model, "'run'"},

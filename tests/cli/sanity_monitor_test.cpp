@@ -61,6 +61,20 @@ TEST(Plausible, ADrivenBaseIsToldOfItsControls) {
   EXPECT_EQ(said.find("bring their masses"), std::string::npos) << said;
 }
 
+// Its finger stands on the floor and cannot bend aside.
+TEST(Plausible, AFingerOfADrivenBaseIsToldOfItsControls) {
+  const std::string model = Write("pressed.xml", R"(<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
+    <body name="palm" pos="0 0 .2"><geom type="box" size=".05 .05 .01" mass=".2"/><body name="f" pos="0 0 -.01">
+    <joint name="f" axis="0 1 0" stiffness="2" damping=".02"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -.1" size=".01" mass=".05"/></body></body></worldbody></mujoco>)");
+  const std::string table = Write("press.csv", "time,palm.z\n0,0\n.5,-.12\n1,-.12\n");
+  const std::string said = WarningsOf("--base driven --controls " + table + " " + model, 0, "1");
+  EXPECT_NE(said.find("are wedged"), std::string::npos) << said;
+  EXPECT_NE(said.find("its controls drive 'palm', which no contact stops"), std::string::npos) << said;
+  for (const char* other : {"smaller time step", "bring their masses", "apart at the start"})
+    EXPECT_EQ(said.find(other), std::string::npos) << said;
+}
+
 // 5 rad a step are stepped, with a warning that has body, angle and remedy.
 TEST(Plausible, TurnsByMoreThanHalfATurnInAStep) {
   const std::string said = WarningsOf("--keyframe k " + Thrown("0 0 0 30 300 1"), 0, "0.2");

@@ -239,5 +239,16 @@ TEST(Pd, HelpSaysThatMotorsGiveWay) {
   EXPECT_EQ(every["mechanisms"][0]["controls"], nlohmann::json::array({"m", "j", "k"}));
 }
 
+// Which of two arms floats is not known: exit code 3, as of other faults of a file.
+TEST(Start, SeveralFixedTreesAreNotTakenApart) {
+  const std::string arm = "'><joint axis='0 1 0'/><geom size='.1'/></body>";
+  const std::string model = Write("arms.xml", "<mujoco><worldbody><body name='left" + arm +
+                                                  "<body name='right" + arm + "</worldbody></mujoco>");
+  const Outcome o = Fork1s("run --base floating " + model);
+  EXPECT_EQ(o.code, 3);
+  for (const char* part : {"arms.xml", "base", "'left' and 'right'", "into one <body>"})
+    EXPECT_NE(o.err.find(part), std::string::npos) << o.err;
+}
+
 }  // namespace
 }  // namespace fork1s::test

@@ -184,5 +184,64 @@ TEST(ImportErrors, OptionsThatMakeNoSense) {
   EXPECT_CONTAINS(fails([](auto& o) { o.base = BaseKind::kFloating; }), "cannot be floating");
 }
 
+// 0.1 mm and 5 micrograms.
+TEST(ImportErrors, BodiesBelowTheLeastMassAreToldToChangeUnits) {
+  const Error error =
+      MustFail(Body("", R"(<geom type="capsule" size="1e-4" fromto="0 0 0 7e-4 0 0" mass="5e-9"/>)"));
+  EXPECT_EQ(error.code, ErrorCode::kModel);
+  for (const char* part : {"'arm'", "mjMINVAL = 1e-15 kg and 1e-15 kg m²", "millimetres and grams"})
+    EXPECT_CONTAINS(error.Text(), part);
+}
+
+std::string Hand(const std::string& besides) {
+  const auto finger = [](const std::string& name) {
+    return "<body name='" + name + "' pos='.1 0 0'><geom size='.01'/><body name='" + name +
+           "_tip' pos='0 0 .1'>" + "<joint name='" + name +
+           "' axis='0 1 0'/><geom size='.02'/></body></body>";
+  };
+  return "<mujoco><worldbody><geom name='floor' type='plane' size='1 1 .1' pos='0 0 -1'/>" + besides +
+         finger("left") + finger("right") + "</worldbody></mujoco>";
+}
+
+TEST(ImportErrors, SeveralFixedTreesHaveNoBaseThatFloats) {
+  ImportOptions options;
+  options.base = BaseKind::kFloating;
+  const std::string palm = "<body name='palm'><geom size='.05'/></body>";
+  for (const std::string& besides : {std::string(), palm + "<body name='table'><geom size='.1'/></body>"}) {
+    const Error error = MustFail(Hand(besides), options);
+    EXPECT_EQ(error.code, ErrorCode::kModel);
+    for (const char* part : {"test.xml, option base", "'left' and 'right'", "into one <body>"})
+      EXPECT_CONTAINS(error.Text(), part);
+    EXPECT_EQ(error.message.find("'table'") != std::string::npos, !besides.empty());
+    EXPECT_EQ(MustLoad(Hand(besides)).scene.mechanisms.size(), 2u);
+  }
+}
+
+// The palm, which the file fixes to the world beside the fingers; a floor is none.
+TEST(ImportPoses, WhatIsFixedBesideTreesFloatsWithThem) {
+  ImportOptions options;
+  options.base = BaseKind::kFloating;
+  const std::string text = Hand(
+      "<body name='palm' pos='0 0 .3'><geom size='.05'/></body>"
+      "<body name='ground'><geom type='plane' size='1 1 1' pos='0 0 -2'/></body>");
+  const ImportedScene fixed = MustLoad(text), floating = MustLoad(text, options);
+  ASSERT_EQ(floating.scene.mechanisms.size(), 1u);
+  const MechanismDef& hand = floating.scene.mechanisms[0];
+  EXPECT_EQ(hand.base, BaseKind::kFloating);
+  EXPECT_EQ(hand.bodies[0].name, "palm");
+  EXPECT_EQ(hand.bodies[0].geometries.size(), 1u);
+  EXPECT_EQ(hand.bodies.size(), 5u);
+  EXPECT_EQ(floating.scene.world.size(), 2u);
+  EXPECT_TRUE(HasNote(floating.report, ImportNote::Kind::kChosen,
+                      "'palm': floats as the one base of 'left' and 'right'"));
+  const Mechanism mechanism = MustBuild(hand);
+  EXPECT_EQ(mechanism.num_coordinates(), 2);
+  // Where the file has them.
+  const RigidTransform X_WB = hand.X_WR * mechanism.body(mechanism.FindBody("left_tip")).X_RB0;
+  EXPECT_LT((X_WB.translation() - Vector3(.1, 0, .1)).norm(), 1e-12);
+  ASSERT_EQ(fixed.scene.world.size(), 3u);
+  EXPECT_EQ(fixed.scene.world[1].name, "palm/geom1");
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

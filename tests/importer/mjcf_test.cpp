@@ -289,5 +289,18 @@ TEST(Mjcf, RefusesWhatItCannotWrite) {
   EXPECT_CONTAINS(refused.error().Text(), "stiffness-scale");
 }
 
+TEST(Mjcf, RefusesABaseOfTreesBesideIt) {
+  const std::string path =
+      WriteFile("hand.xml", R"(<mujoco><worldbody><body name="palm"><geom size=".05"/></body>
+    <body name="left"><joint name="l"/><geom size=".02"/></body>
+    <body name="right"><joint name="r"/><geom size=".02"/></body></worldbody></mujoco>)");
+  ImportOptions options;
+  options.base = BaseKind::kFloating;
+  ASSERT_TRUE(LoadMechanism(path, options));
+  const auto refused = ModelAsMjcf(path, options, ".", "meshes");
+  ASSERT_FALSE(refused);
+  EXPECT_CONTAINS(refused.error().Text(), "option base: body 'palm' is the base of trees beside it");
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

@@ -203,6 +203,10 @@ TEST_F(ControlFile, ErrorsNameTheLine) {
   Refuses("time,a\n", "", "no row");
   Refuses("t,a\n0,1\n", ", line 1", "'time'");
   Refuses("0,1\n1,2\n", ", line 1", "'time'");
+  for (const char* header : {"time;a\n0;1\n", "time\ta\n0\t1\n", "a;Time\n0;1\n"})
+    Refuses(header, ", line 1", "commas");
+  Refuses("a,Time\n1,0\n", ", line 1", "'Time'");
+  Refuses("time;s,a\n0,1\n", ", line 1", "no column named 'time'");
   Refuses("time\n0\n", ", line 1", "no control");
   Refuses("time,a,a\n0,1,1\n", ", line 1", "twice");
   Refuses("time,a,time\n0,1,1\n", ", line 1", "twice");

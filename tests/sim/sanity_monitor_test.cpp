@@ -71,7 +71,7 @@ TEST(Plausible, NamesWhatIsWedged) {
   Scene scene = Cubes({{0, JointDef::Hinge("flap", BodyIndex(1), Vector3::UnitY())}});
   scene.world.push_back(Cube("wall", 0.05, Vector3(0, 0.09, 0)));
   const std::string sentences = Watched(scene, 3);
-  EXPECT_NE(sentences.find("the world and 'flap' are wedged"), std::string::npos) << sentences;
+  EXPECT_NE(sentences.find("the world (shape 'wall') and 'flap' are wedged"), std::string::npos) << sentences;
 }
 
 // No mass and no load put it there: the remedy is another start.
@@ -80,7 +80,7 @@ TEST(Plausible, WhatStartsInAnotherIsToldToStartApart) {
   scene.world.push_back(Cube("wall", 0.05, Vector3(0, 0.09, 0)));
   const std::string sentences = Watched(scene, 12);
   EXPECT_EQ(sentences.find("bring their masses"), std::string::npos) << sentences;
-  const auto sunk = sentences.find("'flap' is 10 mm into the world");
+  const auto sunk = sentences.find("'flap' is 10 mm into the world (shape 'wall')");
   ASSERT_NE(sunk, std::string::npos) << sentences;
   EXPECT_NE(
       sentences.find("they overlap by 10 mm at the start; place them apart at the start, or exclude the pair",
@@ -94,7 +94,8 @@ TEST(Plausible, NamesWhatBearsAMillionTimesItsWeight) {
   Scene scene = Cubes({{0, JointDef::Slide("press", BodyIndex(1), Vector3::UnitY()).WithSpring(1e9, 1e6)}});
   scene.world.push_back(Cube("wall", 0.05, Vector3(0, 0.09, 0)));
   const std::string sentences = Watched(scene, 10);
-  EXPECT_NE(sentences.find("the contact of the world and 'press' bears"), std::string::npos) << sentences;
+  EXPECT_NE(sentences.find("the contact of the world (shape 'wall') and 'press' bears"), std::string::npos)
+      << sentences;
 }
 
 TEST(Plausible, NamesWhatOverlapsWhereThatGivesEnergy) {
@@ -114,7 +115,7 @@ TEST(Plausible, NamesThePairOfAStepThatDidNotConverge) {
   scene.world.push_back(Cube("table", 0.05));
   const std::string sentences = Watched(scene, 3, false);
   EXPECT_NE(sentences.find("did not converge, with"), std::string::npos) << sentences;
-  EXPECT_NE(sentences.find("the world and 'block'"), std::string::npos) << sentences;
+  EXPECT_NE(sentences.find("the world (shape 'table') and 'block'"), std::string::npos) << sentences;
   EXPECT_NE(Watched(scene, 3, false, 2.5e-7).find("did not converge to better than 0.00025 mm, with"),
             std::string::npos);
   EXPECT_EQ(Watched(scene, 3), "");

@@ -47,6 +47,8 @@ class SanityMonitor {
     double overlap = 0;                 // m, of the start, where they have not parted since
     std::optional<double> sunk_since;   // s
     bool gives_way = false;
+    int still_shape = -1;     // among those of the still world, at the deepest point; -1: of two others
+    bool was_wedged = false;  // gave way in this step or before, and has not parted since
   };
   template <class Sentence>
   void Note(Kind kind, double times, const Sentence& sentence);
