@@ -45,26 +45,36 @@ PATH="$tools:$PATH" "$tools/auditwheel" repair --wheel-dir "$work/dist" \
   "$work"/raw/*.whl >"$work/repair.log" 2>&1 || { cat "$work/repair.log" >&2; exit 1; }
 "$python" tools/wheel_licenses.py "$work"/dist/*.whl ${from:+"$2"}
 
-echo "wheel: testing $(basename "$work"/dist/*.whl) in a fresh environment"
+# What needs optional packages is tested beside the rest; its environment stays, as it is pinned.
 mujoco="mujoco-core==$(sed -n 's/^mujoco-core==\([0-9.]*\).*/\1/p' cmake/mujoco.txt)"
+test_extras() {
+  if ! cmp -s tools/wheel_extras.txt "$work/extras.txt" || [ ! -x "$work/extras/bin/python" ]; then
+    echo "wheel: installing optional packages into $work/extras"
+    rm -rf "$work/extras" "$work/extras.txt"
+    "$python" -m venv --without-pip "$work/extras"
+    "$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --no-compile \
+      --require-hashes -r tools/wheel_extras.txt
+    cp tools/wheel_extras.txt "$work/extras.txt"
+  fi
+  "$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --force-reinstall --no-deps \
+    "$work"/dist/*.whl "$mujoco"
+  echo "wheel: testing with optional packages: sweeps, environments for learning, log viewers, pieces of meshes"
+  env -u PYTHONPATH "$work/extras/bin/python" -m pytest -p no:cacheprovider tests/python/extras
+}
+(test_extras) >"$work/extras.log" 2>&1 </dev/null &
+extras=$!
+trap 'kill "$extras" 2>/dev/null || true' EXIT
+
+echo "wheel: testing $(basename "$work"/dist/*.whl) in a fresh environment"
 rm -rf "$work/fresh"
 "$python" -m venv --without-pip "$work/fresh"
 # With the tools' pip, which saves installing one.
 "$tools/pip" --python "$work/fresh/bin/python" install --quiet --disable-pip-version-check "$work"/dist/*.whl \
   "$(sed -n 's/^\(pytest==[0-9.]*\).*/\1/p' tools/wheel.txt)" "$mujoco"
+failed=""
 env -u PYTHONPATH FORK1S_WHEEL="$(ls "$PWD/$work"/dist/*.whl)" FORK1S_PIP="$tools/pip" "$work/fresh/bin/python" -m pytest \
-  tests/python --ignore tests/python/extras
-
-# And with the optional packages, whose environment stays, as it is pinned.
-if ! cmp -s tools/wheel_extras.txt "$work/extras.txt" || [ ! -x "$work/extras/bin/python" ]; then
-  echo "wheel: installing optional packages into $work/extras"
-  rm -rf "$work/extras" "$work/extras.txt"
-  "$python" -m venv --without-pip "$work/extras"
-  "$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --no-compile \
-    --require-hashes -r tools/wheel_extras.txt
-  cp tools/wheel_extras.txt "$work/extras.txt"
-fi
-"$tools/pip" --python "$work/extras/bin/python" install --quiet --disable-pip-version-check --force-reinstall --no-deps \
-  "$work"/dist/*.whl "$mujoco"
-echo "wheel: testing with optional packages: sweeps, environments for learning, log viewers, pieces of meshes"
-env -u PYTHONPATH "$work/extras/bin/python" -m pytest tests/python/extras
+  tests/python --ignore tests/python/extras || failed=yes
+wait "$extras" || failed=yes
+trap - EXIT
+cat "$work/extras.log"
+[ -z "$failed" ]
