@@ -28,7 +28,7 @@ class RegularizedNewton {
                           int& iterations);
   void SolveConvexFallback(RegularizedContactProblem& rows, double tolerance, int& iterations);
 
-  std::vector<double> d_, trial_, step_, kept_;
+  std::vector<double> d_, trial_, step_, kept_, last_level_;
   FrictionContinuation path_;
   DerivativeLu lu_;
 };

@@ -175,7 +175,7 @@ void ConvertMechanism(Conversion& c, const Component& component, const std::vect
   c.controls.emplace_back();
 }
 
-void NoteLossesOfFreeJoints(Conversion& c) {
+void NoteFreeJointLosses(Conversion& c) {
   const mjModel& m = c.m;
   for (const Component& component : c.components) {
     if (component.base != BaseKind::kFloating && !component.free_body) continue;
@@ -206,7 +206,7 @@ void ConvertBodies(Conversion& c) {
       ConvertMechanism(c, component, bodies);
     }
   }
-  NoteLossesOfFreeJoints(c);
+  NoteFreeJointLosses(c);
 }
 
 }  // namespace fork1s::internal

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 
 #include "conversion.hpp"
 
@@ -130,20 +131,28 @@ void BoundPdControls(Conversion& c, const std::vector<bool>& driven) {
 void ConvertLengthLimits(Conversion& c) {
   const mjModel& m = c.m;
   if (m.opt.disableflags & (mjDSBL_LIMIT | mjDSBL_CONSTRAINT)) return;
-  std::vector<std::string> shared;
+  std::vector<std::string> shared, closed;
   for (int j = 0; j < m.njnt; ++j) {
     if (!m.jnt_limited[j] || m.jnt_type[j] != mjJNT_BALL || c.joint[j].mechanism < 0) continue;
     if (IsBallOfSeveral(m, j)) {
       shared.push_back(c.joint_names[j]);
       continue;
     }
+    const double most = BallLimit(m, j);
+    if (!(most < std::numbers::pi)) continue;  // no rotation is larger
+    if (!(most > 0)) {
+      closed.push_back(c.joint_names[j]);
+      continue;
+    }
     LengthLimitDef limit;
     limit.name = c.joint_names[j];
     c.PutLength(BallAngle(m, j), limit);
-    limit.upper = BallLimit(m, j);
+    limit.upper = most;
     c.scene.mechanisms[static_cast<std::size_t>(c.joint[j].mechanism)].length_limits.push_back(
         std::move(limit));
   }
+  c.DroppedMany("ball joint limit", closed,
+                "its range less its margin is 0: it has no direction to push in; weld the body");
   c.DroppedMany("ball joint limit", shared,
                 "another joint of its body turns it too; give each a body of its own");
   for (int t = 0; t < m.ntendon; ++t) {

@@ -171,7 +171,7 @@ std::vector<std::vector<int>> ConvertPairs(Conversion& c) {
     pair.restitution = RestitutionOf(DampingRatio(m, m.pair_solref + mjNREF * k));
     pair.margin = Overrides(m) ? m.opt.o_margin : m.pair_margin[k];
     pair.gap = m.pair_gap[k];
-    pair.adhesion = std::max(0.0, m.pair_adhesion[k]);
+    pair.adhesion = m.pair_adhesion[k];
     for (int side : {g, h})
       pairs_of[static_cast<std::size_t>(side)].push_back(static_cast<int>(c.scene.contact_pairs.size()));
     c.scene.contact_pairs.push_back(std::move(pair));
@@ -220,7 +220,7 @@ void ConvertGeoms(Conversion& c) {
     // Two geoms touch at the sum of their margins, which an override gives as a whole.
     geometry.margin = Overrides(m) ? 0.5 * m.opt.o_margin : m.geom_margin[g];
     geometry.gap = m.geom_gap[g];
-    geometry.adhesion = std::max(0.0, m.geom_adhesion[g]);
+    geometry.adhesion = m.geom_adhesion[g];
     geometry.surface_velocity << Vec3(m.geom_surfacevel + 6 * g + 3), Vec3(m.geom_surfacevel + 6 * g);
     geometry.pairs = pairs_of[static_cast<std::size_t>(g)];
     geometry.rgba = Colour(m, g);

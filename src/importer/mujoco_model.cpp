@@ -312,7 +312,7 @@ void FindLengthRanges(const mjLROpt& options, mjModel& model) {
 
 // Takes their joints from the bodies that are only vertices or nodes of a flex, which nothing would hold
 // together here, so that each stands still in its parent. Whether there were any; by the ids of the compiled model.
-bool HoldFlexes(const mjModel& model, mjSpec& spec) {
+bool RemoveFlexJoints(const mjModel& model, mjSpec& spec) {
   std::set<int> vertices(model.flex_vertbodyid, model.flex_vertbodyid + model.nflexvert);
   vertices.insert(model.flex_nodebodyid, model.flex_nodebodyid + model.nflexnode);
   const auto holds_others = [&](int body) {
@@ -343,8 +343,10 @@ Expected<CompiledModel> EditableModel::Compile() {
   spec_->compiler.LRopt.mode = mjLRMODE_NONE;
   try {
     compiled.model.reset(mj_compile(spec_.get(), vfs_.get()));
-    if (compiled.model && HoldFlexes(*compiled.model, *spec_))
+    if (compiled.model && RemoveFlexJoints(*compiled.model, *spec_)) {
+      compiled.warnings = warnings_;  // they come again
       compiled.model.reset(mj_compile(spec_.get(), vfs_.get()));
+    }
     spec_->compiler.LRopt.mode = length_ranges;
     if (!compiled.model) {
       const char* message = mjs_getError(spec_.get());

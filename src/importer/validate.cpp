@@ -211,7 +211,7 @@ void ListUnsupported(Conversion& c) {
   for (int f = 0; f < m.nflex; ++f) flexes.push_back(NameOr(m, m.name_flexadr[f], "flex", f));
   c.DroppedMany(
       "flex", flexes,
-      "a deformable body is not simulated: it touches nothing, and its mass stands still in the body that carries it");
+      "it is not simulated: it touches nothing, and vertices without shapes stand still, with their mass, in the body that carries them");
   const auto count = [&](mjtSize n, const char* what, const char* why) {
     if (n > 0) c.Dropped(n == 1 ? fmt::format("1 {}", what) : fmt::format("{} {}s", n, what), why);
   };

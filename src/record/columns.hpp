@@ -101,9 +101,12 @@ void ForEachColumn(Steps& s, const Widths& n, F&& f) {
   f(Column{"steps/contacts", kS, 1, 0, "", "contacts that carried force"}, s.contacts);
   f(Column{"steps/limits", kS, 1, 0, "", "joint limits that acted"}, s.limits);
   f(Column{"steps/newton_iterations", kS, 1, 0, "", "of the contact solver"}, s.newton_iterations);
-  f(Column{"steps/contact_stage", kS, 1, 0, "",
-           "what helped the contact solver: 0 nothing, 1 frozen bounds of friction, 2 softer contact"},
-    s.contact_stage);
+  f(
+      Column{
+          "steps/contact_stage", kS, 1, 0, "",
+          "what helped the contact solver: 0 nothing, 1 dilatancy, 2 frozen bounds of friction, 3 softer contact, 4 a path in "
+          "friction; before version 24: 1 frozen bounds, 2 softer contact, 3 a path"},
+      s.contact_stage);
   f(Column{"steps/refreshes", kS, 1, 0, "", "mechanisms whose reference was moved"}, s.refreshes);
   f(Column{"steps/failed_refreshes", kS, 1, 0, "", ""}, s.failed_refreshes);
   f(Column{"steps/converged", kS, 1, 0, "", "1: the contact solver reached its tolerance"}, s.converged);

@@ -173,8 +173,10 @@ std::vector<FrozenGrasp> FindFrozenGrasps(const Scene& scene, const World& world
         return std::max(0.0, axes.col(k).dot(inverse_curvature * axes.col(k)));
       };
       contact.rolling = std::max(0.0, contact.force_C.x()) * Eigen::Vector2d(along(2), along(1));
-      contact.friction = c->friction;
-      contact.frictionless = c->friction == 0;
+      // In every direction the least of both.
+      const Vector2& scale = c->point.friction_scale;
+      contact.friction = scale[0] == scale[1] ? c->friction : c->point.friction * scale.minCoeff();
+      contact.frictionless = contact.friction == 0;
       hold.contacts.push_back(std::move(contact));
     }
     holds.push_back(std::move(hold));

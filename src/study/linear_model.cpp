@@ -26,10 +26,7 @@ void AddSixSignals(const std::string& body, const char* angular, const char* lin
 // of a velocity servo, a voltage), which the definition does not tell.
 const char* UnitOfControl(const Mechanism& m, std::size_t k) {
   if (!m.definition().controls[k].is_setpoint) return "unit of the actuator";
-  const auto& terms = m.controls()[k].length.terms;
-  const bool turns = m.controls()[k].length.path < 0 &&
-                     std::all_of(terms.begin(), terms.end(), [&](const auto& t) { return m.Turns(t.first); });
-  return turns ? "rad" : "m";
+  return m.IsAngle(m.controls()[k].length) ? "rad" : "m";
 }
 
 // 6 x s: rotation and displacement of the body's origin per coordinate, world axes.

@@ -136,6 +136,29 @@ TEST(ContactPairs, GeometryNamesOneThatExists) {
   EXPECT_FALSE(CollisionWorld::Create(bodies, {}, {}, {ContactPairDef{"p", -1}}).has_value());
 }
 
+TEST(ContactLaw, NumbersThatCannotBe_AreRefusedByName) {
+  const auto problem = [](const auto& change) {
+    std::vector<CollisionBodyDef> bodies = RowOfBalls(1, 0.1);
+    ContactPairDef law{"p", 1};
+    change(bodies[1].geometries[0], law);
+    const auto world = CollisionWorld::Create(bodies, {}, {}, {law});
+    return world.has_value() ? std::string() : world.error().Text();
+  };
+  EXPECT_EQ(problem([](GeometryDef&, ContactPairDef&) {}), "");
+  EXPECT_NE(problem([](GeometryDef& g, ContactPairDef&) { g.adhesion = -1; }).find("adhesion must be"),
+            std::string::npos);
+  EXPECT_NE(problem([](GeometryDef& g, ContactPairDef&) {
+              g.surface_velocity[2] = std::numeric_limits<double>::quiet_NaN();
+            }).find("surface velocity must be"),
+            std::string::npos);
+  EXPECT_NE(problem([](GeometryDef&, ContactPairDef& p) {
+              p.friction_scale[1] = -0.1;
+            }).find("by direction must be"),
+            std::string::npos);
+  EXPECT_NE(problem([](GeometryDef&, ContactPairDef& p) { p.adhesion = -1; }).find("adhesion must be"),
+            std::string::npos);
+}
+
 TEST(ContactMargin, MovesTheSurfaceOutwards) {
   for (const int balls : {2, 12}) {
     std::vector<CollisionBodyDef> bodies = RowOfBalls(balls, 0.1295);

@@ -66,6 +66,22 @@ TEST_P(Families, TakeFewFactorsWarm) {
   }
 }
 
+// Some of what line search does not solve is, from the associated law on; none takes more than the paths may, twice and
+// what lies before them.
+TEST(Jams, AreFollowedFromTheAssociatedLawAndEnd) {
+  std::mt19937 random(7);
+  ContactSolver solver;
+  int by_dilatancy = 0;
+  for (int i = 0; i < 250; ++i) {
+    Problem p = testing::DrawFamily(random, Family::kJam);
+    testing::GiveDefaultMaterial(p);
+    const ContactSolverReport report = solver.Solve(p.blocks, p.contacts, p.limits, p.velocity);
+    by_dilatancy += report.fallback == 1 && report.converged;
+    EXPECT_LT(report.newton_iterations, 12000) << i;
+  }
+  EXPECT_GE(by_dilatancy, 3);
+}
+
 // Jams that the solver leaves unsolved, and says so: even then nothing pulls, friction keeps its bound, and
 // impulses do no work. (They did: a block that was jammed between kerb, boards and an excavator's bucket went
 // off at 300 m/s.)

@@ -148,6 +148,25 @@ TEST(ContactNotes, NameWhatIsLeftOut) {
   EXPECT_TRUE(HasNote(in.report, ImportNote::Kind::kDropped, "flex 'pad'"));
 }
 
+// An angle of no more than 0 has no direction, and none is more than π.
+TEST(BallLimit, OutsideOfWhatAnglesAre_IsLeftOut) {
+  const auto load = [](const std::string& attributes) {
+    return MustLoad("<mujoco><worldbody><body name='p'><joint name='b' type='ball' limited='true' " +
+                    attributes + "/><geom size='.1'/></body></worldbody></mujoco>");
+  };
+  const ImportedScene thirty = load("range='0 30' margin='.1'");
+  ASSERT_EQ(thirty.scene.mechanisms[0].length_limits.size(), 1u);
+  EXPECT_NEAR(thirty.scene.mechanisms[0].length_limits[0].upper, M_PI / 6 - 0.1, 1e-12);
+  for (const char* attributes : {"range='0 30' margin='.6'", "range='0 180'", "range='0 200'"})
+    EXPECT_TRUE(load(attributes).scene.mechanisms[0].length_limits.empty()) << attributes;
+  EXPECT_TRUE(
+      HasNote(load("range='0 30' margin='.6'").report, ImportNote::Kind::kDropped, "less its margin"));
+  const ImportedScene shared = MustLoad(
+      "<mujoco><worldbody><body name='p'><joint name='h' axis='1 0 0'/><joint name='b' type='ball' range='0 30'/>"
+      "<geom size='.1'/></body></worldbody></mujoco>");
+  EXPECT_TRUE(HasNote(shared.report, ImportNote::Kind::kDropped, "another joint of its body"));
+}
+
 // Its vertices are no loose bodies: they stay, as a lump, with what carries them.
 TEST(Flex, StandsStillInWhatCarriesIt) {
   const ImportedScene in = MustLoad(R"(<mujoco><worldbody>

@@ -254,6 +254,8 @@ std::vector<Fault> ConnectionFaults() {
        "path 'pusher', element 2", "does not exist"},
       {"slider-crank without a pin", [](auto& d) { AddFrames(d, PathKind::kSliderCrank, 1); },
        "path 'pusher', element 2", "a slider and a pin"},
+      {"angle to nothing", [](auto& d) { AddFrames(d, PathKind::kAngle, 1); }, "path 'pusher', element 2",
+       "between two frames"},
       {"rod of NaN", [](auto& d) { AddFrames(d, PathKind::kSliderCrank, 2).rod = kNaN; }, "path 'pusher'",
        "rod"},
       {"wrench between three", [](auto& d) { AddFrames(d, PathKind::kWrench, 3); },

@@ -51,5 +51,23 @@ TEST(Adhesion, InTheFullModel_IsRefused) {
   EXPECT_NE(full.error().Text().find("adhesion 'suction'"), std::string::npos) << full.error().Text();
 }
 
+TEST(AdhesionOfShapes, InTheFullModel_IsRefused) {
+  for (const auto& [text, name] :
+       {std::pair{"<geom name='ball' size='.1' adhesion='1'/></body></worldbody>", "geometry 'ball'"},
+        {"<geom name='ball' size='.1'/></body></worldbody><contact><pair name='p' geom1='floor' geom2='ball' "
+         "adhesion='1'/></contact>",
+         "contact pair 'p'"}}) {
+    const auto full = FullSimulation::Create(
+        MustLoad(
+            fmt::format("<mujoco><worldbody><geom name='floor' type='plane' size='1 1 1'/><body pos='0 0 1'>"
+                        "<freejoint/>{}</mujoco>",
+                        text))
+            .scene,
+        {});
+    ASSERT_FALSE(full) << name;
+    EXPECT_NE(full.error().Text().find(name), std::string::npos) << full.error().Text();
+  }
+}
+
 }  // namespace
 }  // namespace fork1s::adhesion_test

@@ -228,6 +228,7 @@ inline Scene SceneWithEverything(unsigned seed) {
       path.elements.push_back(e);
     }
     m.paths = {path, path};
+    m.paths[0].kind = PathKind::kAngle;
     m.springs[0].slack = random.Uniform(0, 1);
     m.springs[0].higher_stiffness = {random.Uniform(0, 1), random.Uniform(0, 1)};
     m.springs[0].higher_damping = {random.Uniform(0, 1), random.Uniform(0, 1)};
