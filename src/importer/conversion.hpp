@@ -73,6 +73,7 @@ struct Conversion {
   std::vector<Component> components;
   std::vector<BodyPlace> body;    // per MuJoCo body
   std::vector<JointPlace> joint;  // per MuJoCo joint
+  std::vector<int> shape;         // per MuJoCo geom: index among those of its body in `scene`; -1: left out
   std::vector<bool> rigid_root;  // per MuJoCo body: its free joint and a weld to the base became a fixed link
   std::vector<bool> used_equality;
   std::vector<bool> switched_by_name;  // per equality: options or <custom> name it as one that is switched
@@ -197,9 +198,6 @@ std::optional<Error> FindComponents(Conversion& c, const ImportOptions& options)
 void ConvertBodies(Conversion& c);
 /// Shapes (geoms.cpp).
 void ConvertGeoms(Conversion& c);
-/// Shapes of the world that have no name, by the still body that has them (geoms.cpp); after ConvertSensors, which finds
-/// shapes by those of the file.
-void NameStillShapes(Conversion& c);
 /// Meshes in a unit that cannot be, and hollow ones (mesh_notes.cpp).
 void ListDoubtfulMeshes(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).

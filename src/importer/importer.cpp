@@ -182,7 +182,6 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = ApplyPd(c, options)) return error;
   if (auto error = ApplyHold(c, options)) return error;
   ConvertSensors(c);
-  NameStillShapes(c);
   ConvertBoundedForces(c);
   FinishSprings(c);
   ListHolds(c);

@@ -243,5 +243,18 @@ TEST(ImportPoses, WhatIsFixedBesideTreesFloatsWithThem) {
   EXPECT_EQ(fixed.scene.world[1].name, "palm/geom1");
 }
 
+// The floor has the name that the table's shape is given for its place in the file.
+TEST(ImportPoses, NamesOfStillShapesAreNoOthers) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody><geom name="geom1" type="plane" size="1 1 .1"/>
+    <body name="table" pos="0 0 1"><geom size=".1"/><site name="eye" pos="0 0 -.2" euler="180 0 0"/></body>
+    <body name="arm" pos="1 0 1"><joint axis="0 1 0"/><geom size=".1"/></body></worldbody>
+    <sensor><rangefinder name="height" site="eye"/></sensor></mujoco>)");
+  ASSERT_EQ(loaded.scene.world.size(), 2u);
+  EXPECT_EQ(loaded.scene.world[0].name, "geom1");
+  EXPECT_EQ(loaded.scene.world[1].name, "table/geom1");
+  ASSERT_EQ(loaded.scene.sensors.size(), 1u);
+  EXPECT_EQ(loaded.scene.sensors[0].unseen, std::vector<int>{1});  // it sees the floor
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer
