@@ -61,19 +61,23 @@ test_extras() {
   echo "wheel: testing with optional packages: sweeps, environments for learning, log viewers, pieces of meshes"
   env -u PYTHONPATH "$work/extras/bin/python" -m pytest -p no:cacheprovider tests/python/extras
 }
+set -m  # a process group of its own, to be ended as one
 (test_extras) >"$work/extras.log" 2>&1 </dev/null &
 extras=$!
-trap 'kill "$extras" 2>/dev/null || true' EXIT
+set +m
+trap 'kill -- "-$extras" 2>/dev/null || true' EXIT
 
 echo "wheel: testing $(basename "$work"/dist/*.whl) in a fresh environment"
 rm -rf "$work/fresh"
-"$python" -m venv --without-pip "$work/fresh"
-# With the tools' pip, which saves installing one.
-"$tools/pip" --python "$work/fresh/bin/python" install --quiet --disable-pip-version-check "$work"/dist/*.whl \
-  "$(sed -n 's/^\(pytest==[0-9.]*\).*/\1/p' tools/wheel.txt)" "$mujoco"
+test_fresh() {  # with the tools' pip, which saves installing one
+  "$python" -m venv --without-pip "$work/fresh" &&
+    "$tools/pip" --python "$work/fresh/bin/python" install --quiet --disable-pip-version-check "$work"/dist/*.whl \
+      "$(sed -n 's/^\(pytest==[0-9.]*\).*/\1/p' tools/wheel.txt)" "$mujoco" &&
+    env -u PYTHONPATH FORK1S_WHEEL="$(ls "$PWD/$work"/dist/*.whl)" FORK1S_PIP="$tools/pip" "$work/fresh/bin/python" \
+      -m pytest tests/python --ignore tests/python/extras
+}
 failed=""
-env -u PYTHONPATH FORK1S_WHEEL="$(ls "$PWD/$work"/dist/*.whl)" FORK1S_PIP="$tools/pip" "$work/fresh/bin/python" -m pytest \
-  tests/python --ignore tests/python/extras || failed=yes
+test_fresh || failed=yes
 wait "$extras" || failed=yes
 trap - EXIT
 cat "$work/extras.log"

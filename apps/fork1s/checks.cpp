@@ -31,27 +31,25 @@ bool ReadSeconds(const std::string& text, double& value) {
   return true;
 }
 
-CLI::Validator Check(const std::string& range, std::function<bool(double)> holds) {
+// `read` understands `what`; its text of a quotient has all digits of the value.
+CLI::Validator Check(bool (*read)(const std::string&, double&), const std::string& what,
+                     const std::string& range, std::function<bool(double)> holds) {
   return CLI::Validator(
-      [range, holds = std::move(holds)](const std::string& text) {
+      [read, what, range, holds = std::move(holds)](std::string& text) {
         double value = 0;
-        if (ReadNumber(text, value) && std::isfinite(value) && holds(value)) return std::string();
-        return fmt::format("'{}' is no number {}", text, range);
-      },
-      "NUMBER");
-}
-
-// Its text of a quotient has all digits of the value.
-CLI::Validator CheckSeconds(const std::string& range, std::function<bool(double)> holds) {
-  return CLI::Validator(
-      [range, holds = std::move(holds)](std::string& text) {
-        double value = 0;
-        if (!ReadSeconds(text, value) || !std::isfinite(value) || !holds(value))
-          return fmt::format("'{}' is no number of seconds, nor a quotient such as 1/60, {}", text, range);
+        if (!read(text, value) || !std::isfinite(value) || !holds(value))
+          return fmt::format("'{}' is no {} {}", text, what, range);
         if (text.find('/') != std::string::npos) text = fmt::format("{}", value);
         return std::string();
       },
       "NUMBER");
+}
+
+CLI::Validator CheckNumber(const std::string& range, std::function<bool(double)> holds) {
+  return Check(ReadNumber, "number", range, std::move(holds));
+}
+CLI::Validator CheckSeconds(const std::string& range, std::function<bool(double)> holds) {
+  return Check(ReadSeconds, "number of seconds, nor a quotient such as 1/60,", range, std::move(holds));
 }
 
 std::string ClosedRange(double least, double most) { return fmt::format("from {:g} to {:g}", least, most); }
@@ -60,11 +58,11 @@ std::string PositiveRange(double most) { return fmt::format("above 0 and up to {
 }  // namespace
 
 CLI::Validator NumberWithin(double least, double most) {
-  return Check(ClosedRange(least, most), [least, most](double v) { return v >= least && v <= most; });
+  return CheckNumber(ClosedRange(least, most), [least, most](double v) { return v >= least && v <= most; });
 }
 
 CLI::Validator PositiveUpTo(double most) {
-  return Check(PositiveRange(most), [most](double v) { return v > 0 && v <= most; });
+  return CheckNumber(PositiveRange(most), [most](double v) { return v > 0 && v <= most; });
 }
 
 CLI::Validator SecondsWithin(double least, double most) {

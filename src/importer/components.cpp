@@ -122,13 +122,38 @@ struct SharedBase {
   int body = 0;  // the one without joints that floats with them; 0: at most one tree, or no such base wanted
 };
 
-Expected<SharedBase> FindSharedBase(const Conversion& c, const ImportOptions& options,
-                                    const std::vector<int>& joints) {
+// Whether a body without joints may carry a tree: the bounding sphere of one of its shapes reaches that of a shape which
+// is rigid with the tree's top, or the anchor of one of the tree's first joints, up to the radius of the smaller.
+bool MayCarry(const Conversion& c, int base, int tree) {
+  const mjModel& m = c.m;
+  const auto reaches = [&](const Vector3& center, double radius) {
+    for (int g = 0; g < m.ngeom; ++g) {
+      if (m.body_rootid[m.geom_bodyid[g]] != base) continue;
+      const double own = m.geom_rbound[g];
+      const double distance = (Vec3(c.d.geom_xpos + 3 * g) - center).norm();
+      if (distance <= own + radius + std::min(own, radius)) return true;
+    }
+    return false;
+  };
+  for (int g = 0; g < m.ngeom; ++g) {
+    const int b = m.geom_bodyid[g];
+    if (m.body_rootid[b] == tree && m.body_weldid[b] == m.body_weldid[tree] &&
+        reaches(Vec3(c.d.geom_xpos + 3 * g), m.geom_rbound[g]))
+      return true;
+  }
+  for (int j = 0; j < m.njnt; ++j) {
+    const int b = m.jnt_bodyid[j];
+    if (m.body_rootid[b] == tree && m.body_weldid[m.body_parentid[b]] == 0 &&
+        reaches(Vec3(c.d.xanchor + 3 * j), 0))
+      return true;
+  }
+  return false;
+}
+
+Expected<SharedBase> FindSharedBase(const Conversion& c, const std::vector<int>& joints) {
   const mjModel& m = c.m;
   SharedBase shared;
-  const Expected<WantedBase> wanted = FindWantedBase(c, options);
-  if (!wanted) return tl::unexpected<Error>(wanted.error());
-  if (wanted->kind != BaseKind::kFloating) return shared;
+  if (c.wanted_base.kind != BaseKind::kFloating) return shared;
   std::vector<int> bases;
   for (int b = 1; b < m.nbody; ++b) {
     if (m.body_parentid[b] != 0 || IsFreeTop(m, b) || IsMocap(m, b)) continue;
@@ -138,6 +163,12 @@ Expected<SharedBase> FindSharedBase(const Conversion& c, const ImportOptions& op
       bases.push_back(b);
   }
   if (shared.trees.size() < 2) return shared;
+  const auto carries_all = [&](int base) {
+    return std::all_of(shared.trees.begin(), shared.trees.end(),
+                       [&](int tree) { return MayCarry(c, base, tree); });
+  };
+  bases.erase(std::remove_if(bases.begin(), bases.end(), [&](int base) { return !carries_all(base); }),
+              bases.end());
   if (bases.size() == 1) {
     shared.body = bases[0];
     return shared;
@@ -148,23 +179,38 @@ Expected<SharedBase> FindSharedBase(const Conversion& c, const ImportOptions& op
     return Quoted(list, 8);
   };
   return tl::unexpected<Error>(c.ModelError(
-      wanted->where,
+      c.wanted_base.where,
       fmt::format("the bodies {} are fixed to the world side by side and carry joints, and {}, so it is not "
                   "known which body floats; put those that float together into one <body>",
                   names(shared.trees),
-                  bases.empty() ? "none without joints is their base"
+                  bases.empty() ? "no body without joints reaches each of them"
                                 : fmt::format("any of {} may be their base", names(bases)))));
 }
 
 }  // namespace
 
-std::optional<Error> FindComponents(Conversion& c, const ImportOptions& options) {
+std::optional<Error> FindComponents(Conversion& c) {
   const mjModel& m = c.m;
   const std::vector<int> joints = JointsOfTrees(m);
   const auto top_of = [&](int body) { return body == 0 ? 0 : m.body_rootid[body]; };
-  const auto is_still = [&](int top) { return top == 0 || (joints[top] == 0 && !IsMocap(m, top)); };
+  const Expected<SharedBase> shared = FindSharedBase(c, joints);
+  if (!shared) return shared.error();
+  const auto is_still = [&](int top) {
+    return top == 0 || (joints[top] == 0 && !IsMocap(m, top) && top != shared->body);
+  };
 
   Sets sets(static_cast<int>(m.nbody));
+  if (shared->body != 0) {
+    std::vector<std::string> trees;
+    for (const int top : shared->trees) {
+      sets.Join(shared->body, top);
+      trees.push_back(c.body_names[static_cast<std::size_t>(top)]);
+    }
+    c.Note(ImportNote::Kind::kChosen,
+           fmt::format("body '{}'", c.body_names[static_cast<std::size_t>(shared->body)]),
+           fmt::format("floats as the one base of {}, which the file fixes to the world beside it",
+                       Quoted(trees, 8)));
+  }
   std::vector<int> touching;
   const auto tie = [&](int body_a, int body_b) {
     const int a = top_of(body_a), b = top_of(body_b);
@@ -227,23 +273,9 @@ std::optional<Error> FindComponents(Conversion& c, const ImportOptions& options)
       touching.push_back(b);
   }
 
-  const Expected<SharedBase> shared = FindSharedBase(c, options, joints);
-  if (!shared) return shared.error();
-  if (shared->body != 0) {
-    std::vector<std::string> trees;
-    for (const int top : shared->trees) {
-      sets.Join(shared->body, top);
-      trees.push_back(c.body_names[static_cast<std::size_t>(top)]);
-    }
-    c.Note(ImportNote::Kind::kChosen,
-           fmt::format("body '{}'", c.body_names[static_cast<std::size_t>(shared->body)]),
-           fmt::format("floats as the one base of {}, which the file fixes to the world beside it",
-                       Quoted(trees, 8)));
-  }
-
   std::vector<int> component_of(m.nbody, -1);
   for (int b = 1; b < m.nbody; ++b) {
-    if (m.body_parentid[b] != 0 || (is_still(b) && b != shared->body)) continue;
+    if (m.body_parentid[b] != 0 || is_still(b)) continue;
     int& index = component_of[sets.Find(b)];
     if (index < 0) {
       index = static_cast<int>(c.components.size());

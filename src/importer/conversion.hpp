@@ -56,6 +56,13 @@ struct Mimic {
   double multiplier = 1, offset = 0;
 };
 
+/// The base of option or <custom>, where one of them names any.
+struct WantedBase {
+  std::optional<BaseKind> kind;
+  std::string where = "option base";  // in messages
+  ErrorCode code = ErrorCode::kUsage;
+};
+
 struct Conversion {
   Conversion(const mjModel& model, const mjData& data, std::string file_name)
       : m(model), d(data), file(std::move(file_name)) {}
@@ -70,9 +77,11 @@ struct Conversion {
 
   Scene scene;
   ImportReport report;
+  WantedBase wanted_base;
   std::vector<Component> components;
   std::vector<BodyPlace> body;    // per MuJoCo body
   std::vector<JointPlace> joint;  // per MuJoCo joint
+  std::vector<int> shape;         // per MuJoCo geom: index among those of its body in `scene`; -1: left out
   std::vector<bool> rigid_root;  // per MuJoCo body: its free joint and a weld to the base became a fixed link
   std::vector<bool> used_equality;
   std::vector<bool> switched_by_name;  // per equality: options or <custom> name it as one that is switched
@@ -184,22 +193,14 @@ std::string NameOr(const mjModel& m, int address, const char* kind, int id);
 /// Everything below, in order (importer.cpp).
 std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const std::vector<Mimic>& mimics);
 
-/// The base of option or <custom>, where one of them names any (interfaces.cpp).
-struct WantedBase {
-  std::optional<BaseKind> kind;
-  std::string where = "option base";  // in messages
-  ErrorCode code = ErrorCode::kUsage;
-};
-Expected<WantedBase> FindWantedBase(const Conversion& c, const ImportOptions& options);
+/// Sets c.wanted_base (interfaces.cpp).
+std::optional<Error> FindWantedBase(Conversion& c, const ImportOptions& options);
 /// Which trees form which mechanism (components.cpp).
-std::optional<Error> FindComponents(Conversion& c, const ImportOptions& options);
+std::optional<Error> FindComponents(Conversion& c);
 /// Bodies, joints and free bodies of every component (bodies.cpp).
 void ConvertBodies(Conversion& c);
 /// Shapes (geoms.cpp).
 void ConvertGeoms(Conversion& c);
-/// Shapes of the world that have no name, by the still body that has them (geoms.cpp); after ConvertSensors, which finds
-/// shapes by those of the file.
-void NameStillShapes(Conversion& c);
 /// Meshes in a unit that cannot be, and hollow ones (mesh_notes.cpp).
 void ListDoubtfulMeshes(Conversion& c);
 /// Closures, couplings, excluded pairs (closures.cpp).

@@ -192,6 +192,7 @@ void ConvertGeoms(Conversion& c) {
   const bool contacts_off = m.opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT);
   const auto pairs_of =
       contacts_off ? std::vector<std::vector<int>>(static_cast<std::size_t>(m.ngeom)) : ConvertPairs(c);
+  c.shape.assign(static_cast<std::size_t>(m.ngeom), -1);
   for (int g = 0; g < m.ngeom; ++g) {
     std::optional<Shape> shape = shapes.Of(g);
     const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
@@ -229,33 +230,24 @@ void ConvertGeoms(Conversion& c) {
 
     const int b = m.geom_bodyid[g];
     const BodyPlace& place = c.body[b];
+    std::vector<GeometryDef>* shapes_of_body = &c.scene.world;
     if (place.mechanism >= 0) {
-      MechanismDef& mechanism = c.scene.mechanisms[place.mechanism];
-      mechanism.bodies[place.body.u()].geometries.push_back(std::move(geometry));
+      shapes_of_body = &c.scene.mechanisms[place.mechanism].bodies[place.body.u()].geometries;
     } else if (place.free_body >= 0) {
       FreeBodyDef& body = c.scene.free_bodies[place.free_body];
       geometry.X_BG = body.X_WB.inverse() * c.WorldPose(b) * geometry.X_BG;
-      body.geometries.push_back(std::move(geometry));
+      shapes_of_body = &body.geometries;
     } else {
       geometry.X_BG = c.WorldPose(b) * geometry.X_BG;
-      c.scene.world.push_back(std::move(geometry));
+      // Messages name shapes of the world alone, so one without a name says whose it is.
+      if (b != 0 && m.names[m.name_geomadr[g]] == '\0')
+        geometry.name = fmt::format("{}/{}", c.body_names[b], name);
     }
+    c.shape[static_cast<std::size_t>(g)] = static_cast<int>(shapes_of_body->size());
+    shapes_of_body->push_back(std::move(geometry));
   }
   if (contacts_off)
     c.Note(ImportNote::Kind::kChanged, "option", "contact is switched off, so no shape touches");
-}
-
-void NameStillShapes(Conversion& c) {
-  const mjModel& m = c.m;
-  for (int g = 0; g < m.ngeom; ++g) {
-    const int b = m.geom_bodyid[g];
-    if (b == 0 || !c.body[static_cast<std::size_t>(b)].still() || m.names[m.name_geomadr[g]] != '\0')
-      continue;
-    const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
-    for (GeometryDef& shape : c.scene.world)
-      if (shape.name == name)
-        shape.name = fmt::format("{}/{}", c.body_names[static_cast<std::size_t>(b)], name);
-  }
 }
 
 }  // namespace fork1s::internal

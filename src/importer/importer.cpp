@@ -159,7 +159,8 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = FindSwitchedByName(c, options)) return error;
   if (auto error = Validate(c)) return error;
   if (auto error = CheckJointEqualities(c)) return error;
-  if (auto error = FindComponents(c, options)) return error;
+  if (auto error = FindWantedBase(c, options)) return error;
+  if (auto error = FindComponents(c)) return error;
   if (c.components.empty()) {
     return c.ModelError("", "nothing in the file can move: it has no joint that this program simulates");
   }
@@ -182,7 +183,6 @@ std::optional<Error> Convert(Conversion& c, const ImportOptions& options, const 
   if (auto error = ApplyPd(c, options)) return error;
   if (auto error = ApplyHold(c, options)) return error;
   ConvertSensors(c);
-  NameStillShapes(c);
   ConvertBoundedForces(c);
   FinishSprings(c);
   ListHolds(c);

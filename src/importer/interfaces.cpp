@@ -29,20 +29,19 @@ std::vector<std::string> ListedNames(const std::string& text,
   return names;
 }
 
-Expected<WantedBase> FindWantedBase(const Conversion& c, const ImportOptions& options) {
-  WantedBase wanted;
+std::optional<Error> FindWantedBase(Conversion& c, const ImportOptions& options) {
+  WantedBase& wanted = c.wanted_base;
   wanted.kind = options.base;
-  if (wanted.kind) return wanted;
+  if (wanted.kind) return std::nullopt;
   const std::optional<std::string> text = CustomText(c.m, "fork1s_base");
-  if (!text) return wanted;
+  if (!text) return std::nullopt;
   wanted.where = "text 'fork1s_base'";
   wanted.code = ErrorCode::kModel;
   const std::vector<std::string> words = SplitWords(*text);
   if (words.size() == 1) wanted.kind = Named(kBaseKindNames, words[0]);
   if (!wanted.kind)
-    return tl::unexpected<Error>(
-        c.ModelError(wanted.where, fmt::format("'{}' is no base; write fixed, floating or driven", *text)));
-  return wanted;
+    return c.ModelError(wanted.where, fmt::format("'{}' is no base; write fixed, floating or driven", *text));
+  return std::nullopt;
 }
 
 namespace {
@@ -55,10 +54,8 @@ std::optional<double> CustomNumber(const mjModel& m, const std::string& name) {
   return std::nullopt;
 }
 
-std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
-  const Expected<WantedBase> wanted = FindWantedBase(c, options);
-  if (!wanted) return wanted.error();
-  const std::optional<BaseKind> base = wanted->kind;
+std::optional<Error> ApplyBase(Conversion& c) {
+  const std::optional<BaseKind> base = c.wanted_base.kind;
   if (!base) return std::nullopt;
   std::size_t at = 0;
   for (const Component& component : c.components) {
@@ -67,7 +64,7 @@ std::optional<Error> ApplyBase(Conversion& c, const ImportOptions& options) {
     if (mechanism.base == *base) continue;
     if (component.base_body == 0) {
       return Error{
-          wanted->code, fmt::format("{}, {}", c.file, wanted->where),
+          c.wanted_base.code, fmt::format("{}, {}", c.file, c.wanted_base.where),
           fmt::format("mechanism '{}' stands on the world itself, so its base cannot be {}; put a body "
                       "without joints under it, or leave the base fixed",
                       mechanism.name, Name(*base))};
@@ -240,7 +237,7 @@ std::optional<Error> ApplyInterfaces(Conversion& c, const ImportOptions& options
 }  // namespace
 
 std::optional<Error> ApplyCustom(Conversion& c, const ImportOptions& options) {
-  if (auto error = ApplyBase(c, options)) return error;
+  if (auto error = ApplyBase(c)) return error;
   std::optional<int> modes = options.modes;
   if (modes && *modes < 0) {
     return Error{ErrorCode::kUsage, "option modes",

@@ -259,17 +259,8 @@ SensorDef DistanceSensor(const Conversion& c, SensorDef s, int i) {
     return Unknown(std::move(s), "only the distance along the ray of a site is computed");
   s = FrameSensor(c, std::move(s), SensorKind::kDistance, i, true);
   const int body = m.site_bodyid[m.sensor_objid[i]];
-  const SensorBody& place = s.frame.body;
-  const std::vector<GeometryDef>& shapes =
-      place.is_world() ? c.scene.world
-      : place.mechanism < 0
-          ? c.scene.free_bodies[static_cast<std::size_t>(place.free_body)].geometries
-          : c.scene.mechanisms[static_cast<std::size_t>(place.mechanism)].bodies[place.body.u()].geometries;
-  for (int g = m.body_geomadr[body]; g >= 0 && g < m.body_geomadr[body] + m.body_geomnum[body]; ++g) {
-    const std::string name = NameOr(m, m.name_geomadr[g], "geom", g);
-    for (std::size_t k = 0; k < shapes.size(); ++k)
-      if (shapes[k].name == name) s.unseen.push_back(static_cast<int>(k));
-  }
+  for (int g = m.body_geomadr[body]; g >= 0 && g < m.body_geomadr[body] + m.body_geomnum[body]; ++g)
+    if (const int shape = c.shape[static_cast<std::size_t>(g)]; shape >= 0) s.unseen.push_back(shape);
   return s;
 }
 

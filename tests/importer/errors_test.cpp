@@ -206,7 +206,7 @@ std::string Hand(const std::string& besides) {
 TEST(ImportErrors, SeveralFixedTreesHaveNoBaseThatFloats) {
   ImportOptions options;
   options.base = BaseKind::kFloating;
-  const std::string palm = "<body name='palm'><geom size='.05'/></body>";
+  const std::string palm = "<body name='palm' pos='.1 0 -.06'><geom size='.05'/></body>";
   for (const std::string& besides : {std::string(), palm + "<body name='table'><geom size='.1'/></body>"}) {
     const Error error = MustFail(Hand(besides), options);
     EXPECT_EQ(error.code, ErrorCode::kModel);
@@ -217,12 +217,59 @@ TEST(ImportErrors, SeveralFixedTreesHaveNoBaseThatFloats) {
   }
 }
 
+// Spheres of 0.5 m and 0.01 m: 0.02 m between them is more than the smaller radius, 0.005 m is not.
+TEST(ImportErrors, OnlyABodyAtAllTreesIsTheirBase) {
+  ImportOptions options;
+  options.base = BaseKind::kFloating;
+  const auto table = [](const std::string& x) {
+    return Hand("<body name='table' pos='" + x + " 0 0'><geom size='.5'/></body>");
+  };
+  const Error error = MustFail(table(".63"), options);
+  EXPECT_EQ(error.code, ErrorCode::kModel);
+  EXPECT_CONTAINS(error.Text(), "'left' and 'right' are fixed to the world side by side");
+  EXPECT_CONTAINS(error.Text(), "into one <body>");
+  EXPECT_EQ(MustLoad(table(".615"), options).scene.mechanisms[0].name, "table");
+  // At the anchors of joints alone, and beside a table that is elsewhere.
+  const auto arm = [](const std::string& name, const std::string& x) {
+    return "<body name='" + name + "' pos='" + x + " 0 0'><joint name='" + name +
+           "' axis='0 1 0'/><geom size='.05' pos='0 0 .5'/></body>";
+  };
+  const auto torso = [&](const std::string& x) {
+    return "<mujoco><worldbody><body name='table' pos='1 0 0'><geom size='.3'/></body>"
+           "<body name='torso'><geom type='box' size='.1 .1 .1'/></body>" +
+           arm("left", "-.1") + arm("right", x) + "</worldbody></mujoco>";
+  };
+  const ImportedScene two_arms = MustLoad(torso(".1"), options);
+  ASSERT_EQ(two_arms.scene.mechanisms.size(), 1u);
+  EXPECT_EQ(two_arms.scene.mechanisms[0].name, "torso");
+  EXPECT_EQ(two_arms.scene.world.size(), 1u);
+  EXPECT_CONTAINS(MustFail(torso(".9"), options).Text(), "into one <body>");
+}
+
+// A cube that is welded to the palm.
+TEST(ImportPoses, WhatIsWeldedToASharedBaseFloatsWithIt) {
+  ImportOptions options;
+  options.base = BaseKind::kFloating;
+  std::string text = Hand(
+      "<body name='palm' pos='.1 0 -.06'><geom size='.05'/></body>"
+      "<body name='cube' pos='.1 0 -.13'><freejoint name='cube'/><geom size='.01'/></body>");
+  text.insert(text.find("</mujoco>"), "<equality><weld body1='palm' body2='cube'/></equality>");
+  const ImportedScene loaded = MustLoad(text, options);
+  ASSERT_EQ(loaded.scene.mechanisms.size(), 1u);
+  EXPECT_TRUE(loaded.scene.free_bodies.empty());
+  const MechanismDef& hand = loaded.scene.mechanisms[0];
+  EXPECT_EQ(hand.base, BaseKind::kFloating);
+  EXPECT_EQ(hand.bodies[0].name, "palm");
+  EXPECT_EQ(hand.bodies.size(), 6u);
+  EXPECT_EQ(MustBuild(hand).num_coordinates(), 2 + 6);
+}
+
 // The palm, which the file fixes to the world beside the fingers; a floor is none.
 TEST(ImportPoses, WhatIsFixedBesideTreesFloatsWithThem) {
   ImportOptions options;
   options.base = BaseKind::kFloating;
   const std::string text = Hand(
-      "<body name='palm' pos='0 0 .3'><geom size='.05'/></body>"
+      "<body name='palm' pos='.1 0 -.06'><geom size='.05'/></body>"
       "<body name='ground'><geom type='plane' size='1 1 1' pos='0 0 -2'/></body>");
   const ImportedScene fixed = MustLoad(text), floating = MustLoad(text, options);
   ASSERT_EQ(floating.scene.mechanisms.size(), 1u);
@@ -241,6 +288,19 @@ TEST(ImportPoses, WhatIsFixedBesideTreesFloatsWithThem) {
   EXPECT_LT((X_WB.translation() - Vector3(.1, 0, .1)).norm(), 1e-12);
   ASSERT_EQ(fixed.scene.world.size(), 3u);
   EXPECT_EQ(fixed.scene.world[1].name, "palm/geom1");
+}
+
+// The floor has the name that the table's shape is given for its place in the file.
+TEST(ImportPoses, NamesOfStillShapesAreNoOthers) {
+  const ImportedScene loaded = MustLoad(R"(<mujoco><worldbody><geom name="geom1" type="plane" size="1 1 .1"/>
+    <body name="table" pos="0 0 1"><geom size=".1"/><site name="eye" pos="0 0 -.2" euler="180 0 0"/></body>
+    <body name="arm" pos="1 0 1"><joint axis="0 1 0"/><geom size=".1"/></body></worldbody>
+    <sensor><rangefinder name="height" site="eye"/></sensor></mujoco>)");
+  ASSERT_EQ(loaded.scene.world.size(), 2u);
+  EXPECT_EQ(loaded.scene.world[0].name, "geom1");
+  EXPECT_EQ(loaded.scene.world[1].name, "table/geom1");
+  ASSERT_EQ(loaded.scene.sensors.size(), 1u);
+  EXPECT_EQ(loaded.scene.sensors[0].unseen, std::vector<int>{1});  // it sees the floor
 }
 
 }  // namespace
