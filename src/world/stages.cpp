@@ -160,6 +160,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
   detection_.ForgetMotion();
   stage_.all_stops = stage_.rows_from_start = stage_.keeps_contacts = false;
   StartStops(history_.TimeStepRatio(stage.h), stops_);
+  const ContactSolverReport of_stages_before = report.solver;
   StageResidual last;
   StepSubject passed;    // by the contacts found last
   double passed_by = 0;  // m
@@ -185,9 +186,13 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       for (std::size_t i = 0; i < bodies_.free_bodies.size(); ++i)
         bodies_.free_bodies[i].PredictStage(stage.h, detection_.touched[i] != 0);
     }
-    const ContactSolverReport before = report.solver;
+    // Whether contact was solved counts where the stage ends alone.
+    const ContactSolverReport of_iterations = iteration == 1 ? ContactSolverReport() : report.solver;
+    report.solver = ContactSolverReport();
     SolveContacts(stage, report);
-    MergeSolverReport(before, report.solver);
+    report.solver.newton_iterations =
+        std::max(report.solver.newton_iterations, of_iterations.newton_iterations);
+    report.solver.fallback = std::max(report.solver.fallback, of_iterations.fallback);
     if (!IsFinite(false)) break;
     if (const HalvingCause event = FindStageEvent(options, scheme, iteration, report);
         event != HalvingCause::kNone)
@@ -237,6 +242,8 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       max_iterations = iteration + 2 * kMaxNewtonIterations;
     }
     if (!from_start && (found.ratio <= 1 || is_accepted || (ends && found.is_small))) {
+      if (!report.solver.converged && halving_.depth < kMaxHalvings) break;
+      MergeSolverReport(of_stages_before, report.solver);
       const bool has_passed = passed.kind != StepSubject::Kind::kNone;
       if (has_passed && halving_.depth < kMaxHalvings) {
         report.halving_of = passed;
