@@ -60,4 +60,10 @@ inline MujocoModel LoadInMujoco(const std::string& mjcf) {
   return model;
 }
 
+/// Steps until `time` [s], with the poses there.
+inline void StepMujocoTo(double time, const mjModel& model, mjData& data) {
+  while (data.time < time - 1e-6) mj_step(&model, &data);
+  mj_kinematics(&model, &data);
+}
+
 }  // namespace fork1s::testing

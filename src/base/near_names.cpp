@@ -3,15 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
+
+#include "base/lower_case.hpp"
 
 namespace fork1s {
 namespace {
-
-std::string Lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
 
 // Levenshtein distance of the lower-case names.
 std::size_t EditDistance(const std::string& a, const std::string& b) {
@@ -44,10 +40,10 @@ std::string Quoted(const std::vector<std::string>& names, std::size_t most) {
 
 std::vector<std::string> NearNames(const std::string& wanted, const std::vector<std::string>& names,
                                    std::size_t most) {
-  const std::string key = Lower(wanted);
+  const std::string key = LowerCase(wanted);
   std::vector<std::pair<std::size_t, std::string>> ranked;
   for (const std::string& name : names) {
-    const std::string low = Lower(name);
+    const std::string low = LowerCase(name);
     std::size_t distance = EditDistance(key, low);
     const bool contained = !low.empty() && !key.empty() &&
                            (low.find(key) != std::string::npos || key.find(low) != std::string::npos);

@@ -18,7 +18,6 @@ namespace {
 constexpr double kMinRelativeRegularization = 1e-11;
 
 // Share of the larger friction coefficient that a tangent keeps, so that its row remains.
-constexpr double kMinFrictionScale = 1e-9;
 
 bool Finite(double sum) { return std::isfinite(sum); }
 
@@ -28,7 +27,8 @@ bool Finite(double sum) { return std::isfinite(sum); }
 void ScaleTangents(const Vector2& friction_scale, PointRows& out) {
   const double largest = std::max(0.0, friction_scale.maxCoeff());
   out.law.coefficient *= largest;
-  if (largest > 0) out.scale.tail<2>() = (friction_scale / largest).cwiseMax(kMinFrictionScale);
+  if (largest > 0)
+    out.scale.tail<2>() = (friction_scale / largest).cwiseMax(ContactConstraint::kMinFrictionScale);
   for (PaddedRows* rows : {&out.rows_a, &out.rows_b}) *rows *= out.scale.asDiagonal();
   out.velocity.start = out.velocity.start.cwiseProduct(out.scale);
   out.turning.start = out.turning.start.cwiseProduct(out.scale);

@@ -313,6 +313,7 @@ void FindLengthRanges(const mjLROpt& options, mjModel& model) {
 // Takes their joints from the bodies that are only vertices or nodes of a flex, which nothing would hold
 // together here, so that each stands still in its parent. Whether there were any; by the ids of the compiled model.
 bool RemoveFlexJoints(const mjModel& model, mjSpec& spec) {
+  if (model.nflex == 0) return false;
   std::set<int> vertices(model.flex_vertbodyid, model.flex_vertbodyid + model.nflexvert);
   vertices.insert(model.flex_nodebodyid, model.flex_nodebodyid + model.nflexnode);
   const auto holds_others = [&](int body) {

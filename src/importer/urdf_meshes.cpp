@@ -1,8 +1,8 @@
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 
+#include "base/lower_case.hpp"
 #include "names.hpp"
 #include "urdf_parts.hpp"
 
@@ -11,11 +11,6 @@ namespace {
 
 // Mesh files of MuJoCo itself, which it reads as they are.
 bool IsMsh(const std::string& name) { return name.size() > 4 && name.substr(name.size() - 4) == ".msh"; }
-
-std::string LowerCase(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
 
 // MuJoCo knows a mesh by its base name alone, so one name must mean one file at one scale.
 std::string UniqueName(const UrdfWork& work, const std::string& stem) {

@@ -4,7 +4,6 @@
 #include <tinyxml2.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cerrno>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +11,7 @@
 #include <set>
 #include <utility>
 
+#include "base/lower_case.hpp"
 #include "base/system_error.hpp"
 #include "names.hpp"
 
@@ -34,8 +34,8 @@ bool HoldsText(const std::string& attribute) {
   return texts.count(attribute) > 0;
 }
 
-bool IsNotFinite(std::string word) {
-  for (char& c : word) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+bool IsNotFinite(const std::string& text) {
+  std::string word = LowerCase(text);
   if (!word.empty() && (word[0] == '-' || word[0] == '+')) word.erase(0, 1);
   return word == "nan" || word == "inf" || word == "infinity" || word.rfind("nan(", 0) == 0;
 }

@@ -77,10 +77,10 @@ void ComputeWrench(const Mechanism& mechanism, const Mechanism::Path& path, cons
   if (!path.gear.head<3>().isZero(0)) out.length += path.gear.head<3>().dot(LogRotation(X_FO.rotation()));
 }
 
-// Its rate is n · (ω_O - ω_F), n the axis of the turn, which is any where there is none.
+// Its rate is n · (ω_O - ω_F) with the axis n of the turn. At no turn there is no axis, and no arm: it is the least.
 void ComputeAngle(const Mechanism& mechanism, const Mechanism::Path& path, const Kinematics& kinematics,
                   PathState& out) {
-  constexpr double kNoAngle = 1e-9;  // rad
+  constexpr double kNoAngle = 1e-9;  // rad: rounding of the rotation is 1e-7 of it
   const PathElementDef &on = path.elements[0], &from = path.elements[1];
   const Matrix3 R_RF = (kinematics.X_RB[from.body.u()] * from.X_BE).rotation();
   const Vector3 turn = LogRotation(R_RF.transpose() * (kinematics.X_RB[on.body.u()] * on.X_BE).rotation());

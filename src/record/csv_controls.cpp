@@ -12,6 +12,7 @@
 
 #include <fmt/format.h>
 
+#include "base/lower_case.hpp"
 #include "base/system_error.hpp"
 
 namespace fork1s {
@@ -50,12 +51,6 @@ std::optional<std::vector<std::string>> Cells(const std::string& line) {
   if (quoted) return std::nullopt;
   finish();
   return cells;
-}
-
-std::string LowerCase(std::string text) {
-  for (char& c : text)
-    if (c >= 'A' && c <= 'Z') c += 'a' - 'A';
-  return text;
 }
 
 // What a header without a column 'time' lacks. Spreadsheets separate columns by ; where the decimal separator is a

@@ -146,7 +146,8 @@ void Fields(A& a, Like<ContactPoint, A>& s) {
   a("body_a", body_a), a("body_b", body_b), a("geometry_a", geometry_a), a("geometry_b", geometry_b);
   a("point", point), a("frame", frame), a("gap", gap), a("friction", friction), a("torsion", torsion);
   a("rolling", rolling), a("restitution", restitution), a("adhesion_gap", adhesion_gap);
-  a("friction_scale", friction_scale), a("adhesion", adhesion), a("surface_velocity", surface_velocity);
+  a.Optional("friction_scale", friction_scale), a.Optional("adhesion", adhesion);  // before 24 there are none
+  a.Optional("surface_velocity", surface_velocity);
 }
 
 template <class A>

@@ -92,8 +92,7 @@ std::vector<SignalInfo> ListSignals(const Simulation& simulation) {
     }
     for (const Mechanism::Control& c : def.controls())
       if (static_cast<int>(actuators.size()) < kMost) {
-        const bool turns = c.length.is_single() && def.Turns(c.length.terms[0].first);
-        actuators.push_back({c.name, "actuator", turns ? "N·m" : "N", -1});
+        actuators.push_back({c.name, "actuator", def.IsAngle(c.length) ? "N·m" : "N", -1});
       }
     ++number;
   }

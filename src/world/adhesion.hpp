@@ -1,8 +1,8 @@
 // Adhesion: a force along the normals of the contacts of a body that pulls both sides together.
 //
 // The force F [N] of a stage is known before its contacts are solved: of an AdhesionDef by the control at the stage, an
-// equal share F/n for each of the n points in reach; of shapes the same at every point. It is an external force of the contact solve, so that the normal impulses bear the
-// compression and friction has its bound by them.
+// equal share F/n for each of the n points in reach; of shapes F at every point. It is an external force of the contact
+// solve, so that the normal impulses bear the compression and friction has its bound by them.
 #pragma once
 
 #include <vector>

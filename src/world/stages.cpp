@@ -294,13 +294,6 @@ HalvingCause World::Detail::FindStageEvent(const StepOptions& options, StageSche
   return none() ? HalvingCause::kNone : HalvingCause::kImpact;
 }
 
-// Of a coefficient with these shares along the tangents, the share in the direction of a tangential impulse.
-double ShareAlong(const Vector2& scale, const Vector2& impulse) {
-  const double largest = scale.maxCoeff(), length = impulse.norm();
-  if (!(length > 0) || scale[0] == scale[1]) return largest;
-  return length / impulse.cwiseQuotient(scale.cwiseMax(1e-9 * largest)).norm();
-}
-
 // Contacts as the stage at hand, of length h, solved them.
 void World::Detail::RecordContacts(double h) {
   contacts_.resize(detection_.points.size());
@@ -309,7 +302,7 @@ void World::Detail::RecordContacts(double h) {
     contacts_[i].point = detection_.points[i];
     contacts_[i].impulse = c.impulse;
     contacts_[i].pull = Vector3(-rows_.PullOf(i), 0, 0);
-    contacts_[i].friction = c.friction * ShareAlong(c.friction_scale, c.impulse.tail<2>());
+    contacts_[i].friction = c.FrictionAlong(c.impulse.tail<2>());
     contacts_[i].moment = c.moment;
     contacts_[i].utilization = c.utilization;
     contacts_[i].gives_way = c.gives_way;

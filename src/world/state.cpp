@@ -79,10 +79,11 @@ class Hash {
     Add(X_WB, omega_B, velocity, load, angular_acceleration_B, acceleration);
   }
   void One(const ContactPoint& p) {
+    // Of laws that every detection finds anew no step starts from those in the record.
     const auto& [body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, friction_scale, torsion,
                  rolling, restitution, adhesion_gap, adhesion, surface_velocity] = p;
     Add(body_a, body_b, geometry_a, geometry_b, point, frame, gap, friction, torsion, rolling, restitution);
-    Add(friction_scale, adhesion_gap, adhesion, surface_velocity);
+    Add(adhesion_gap);
   }
   void One(const ContactRecord& record) {
     const auto& [point, impulse, normal_sum, tangential_sum, pull, friction, moment, use, gives_way,

@@ -185,5 +185,21 @@ TEST(MovingSurface, TakesABoxToItsSpeed) {
   }
 }
 
+TEST(EllipticFriction, CoefficientAlongAnImpulse_IsThatOfTheEllipse) {
+  ContactConstraint c;
+  c.friction = 0.8;
+  c.friction_scale << 1, 0.25;
+  EXPECT_EQ(c.FrictionAlong(Vector2::Zero()), 0.8);
+  EXPECT_NEAR(c.FrictionAlong(Vector2(-3, 0)), 0.8, 1e-15);
+  EXPECT_NEAR(c.FrictionAlong(Vector2(0, 3)), 0.2, 1e-15);
+  const Vector2 along = c.FrictionAlong(Vector2(1, 1)) * Vector2(1, 1).normalized();
+  EXPECT_NEAR(along.cwiseQuotient(Vector2(0.8, 0.2)).norm(), 1, 1e-14);
+  c.friction_scale << 0, 2;
+  EXPECT_NEAR(c.FrictionAlong(Vector2(0, 1)), 1.6, 1e-15);
+  EXPECT_NEAR(c.FrictionAlong(Vector2(1, 0)), 1.6 * ContactConstraint::kMinFrictionScale, 1e-22);
+  c.friction_scale.setZero();
+  EXPECT_EQ(c.FrictionAlong(Vector2(1, 0)), 0);
+}
+
 }  // namespace
 }  // namespace fork1s

@@ -302,5 +302,17 @@ TEST(Mjcf, RefusesABaseOfTreesBesideIt) {
   EXPECT_CONTAINS(refused.error().Text(), "option base: body 'palm' is the base of trees beside it");
 }
 
+// Vertices that stand still here do so in the file written: the same coordinates.
+TEST(Mjcf, VerticesOfAFlexStandStill) {
+  const std::string path = WriteFile("flex.xml", R"(<mujoco><worldbody>
+    <flexcomp name="cloth" type="grid" count="2 2 1" spacing=".03 .03 .03" pos="0 0 1" radius=".002" dim="2" mass=".1"/>
+    <body name="arm" pos="0 0 2"><joint name="j" axis="0 1 0"/><geom type="sphere" size=".1" mass="1"/></body>
+    </worldbody></mujoco>)");
+  const Written written = MustWrite(path);
+  EXPECT_EQ(written.mujoco->nv, 1);
+  EXPECT_EQ(written.mujoco->nflex, 1);
+  EXPECT_EQ(written.again.scene.mechanisms.size(), 1u);
+}
+
 }  // namespace
 }  // namespace fork1s::testing_importer

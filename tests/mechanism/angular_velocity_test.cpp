@@ -115,5 +115,69 @@ TEST(BallJoint, ALengthAlongAPathAndARotationIsRefused) {
   EXPECT_NE(built.error().Text().find("rub"), std::string::npos);
 }
 
+MechanismDef WithAngle(MechanismDef def, BodyIndex on, BodyIndex from, const RigidTransform& X_on,
+                       const RigidTransform& X_from) {
+  PathDef path;
+  path.name = "angle";
+  path.kind = PathKind::kAngle;
+  path.elements.resize(2);
+  path.elements[0].body = on;
+  path.elements[0].X_BE = X_on;
+  path.elements[1].body = from;
+  path.elements[1].X_BE = X_from;
+  def.paths = {path};
+  def.length_limits = {{"cone", {}, -1, 1, {0, 1}}};
+  return def;
+}
+
+// Of any two frames of a tree: the trace of their rotation, and arms by differences.
+TEST(AnglePath, IsThatOfTheRotation_AndItsArmsAreTheDerivative) {
+  for (unsigned seed = 0; seed < 40; ++seed) {
+    RandomMechanismOptions options;
+    options.bodies = 6;
+    RandomSource random(seed);
+    const BodyIndex on(1 + random.Below(6)), from((on.value() + 1 + random.Below(6)) % 7);
+    const RigidTransform X_on = random.Pose(0.3), X_from = random.Pose(0.3);
+    const Mechanism m = BuildOrThrow(WithAngle(RandomMechanismDef(seed, options), on, from, X_on, X_from));
+    const VectorX q = RandomCoordinates(m, seed);
+    const Kinematics k = At(m, q);
+    const Matrix3 R = ((k.X_RB[from.u()] * X_from).inverse() * (k.X_RB[on.u()] * X_on)).rotation();
+    EXPECT_NEAR(std::cos(k.paths[0].length), 0.5 * (R.trace() - 1), 1e-12) << seed;
+    // The angle bends by its inverse, and at π it is a corner.
+    if (k.paths[0].length < 0.3 || k.paths[0].length > M_PI - 0.3) continue;
+    VectorX arms = VectorX::Zero(q.size());
+    for (const auto& [coordinate, arm] : k.paths[0].arms) arms(coordinate) = arm;
+    Differentiate(
+        q, [&](const VectorX& p) { return MatrixX::Constant(1, 1, At(m, p).paths[0].length); },
+        [&](Eigen::Index i, const MatrixX& by_q) {
+          EXPECT_NEAR(arms(i), by_q(0, 0), 1e-7) << seed << " " << i;
+        });
+  }
+}
+
+TEST(AnglePath, AtNoTurnHasNoArms_AndTheAxisFromThereToHalfATurn) {
+  MechanismBuilder builder("ball");
+  BodyDef body{"b", builder.base(), RigidTransform(), {}, {}};
+  body.inertia.mass = 1;
+  body.inertia.rotational = Matrix3::Identity();
+  builder.AddJoint(JointDef::Ball("j", builder.AddBody(body)));
+  const Mechanism m = BuildOrThrow(
+      WithAngle(builder.definition(), BodyIndex(1), BodyIndex(0), RigidTransform(), RigidTransform()));
+  EXPECT_TRUE(m.length_limits()[0].is_of_joint);
+  EXPECT_TRUE(m.IsAngle(m.length_limits()[0].length));
+  const Vector3 axis = Vector3(2, -1, 3).normalized();
+  for (const double angle : {0.0, 0.9e-9, 1.1e-9, 1e-6, 1.0, 3.14}) {
+    const Kinematics k = At(m, angle * axis);
+    EXPECT_NEAR(k.paths[0].length, angle, 1e-15 + 1e-12 * angle);
+    Vector3 arms = Vector3::Zero();
+    for (const auto& [coordinate, arm] : k.paths[0].arms) arms(coordinate) = arm;
+    // By as much of the axis as rounding of the rotation leaves.
+    if (angle < 1e-9)
+      EXPECT_EQ(arms, Vector3::Zero()) << angle;
+    else
+      EXPECT_LT((arms - axis).norm(), 1e-12 + 1e-15 / angle) << angle;
+  }
+}
+
 }  // namespace
 }  // namespace fork1s::mechanism_test

@@ -44,8 +44,7 @@ TEST(Adhesion, ArmThatSwingsABoxAndLetsGo_MovesAsInMuJoCo) {
     data->ctrl[0] = u.shoulder;
     data->ctrl[1] = u.elbow;
     data->ctrl[2] = u.suction;
-    while (data->time < s.time() - 1e-6) mj_step(model.get(), data.get());
-    mj_kinematics(model.get(), data.get());
+    StepMujocoTo(s.time(), *model, *data);
     const Vector3 expected = Eigen::Map<const Vector3>(data->xpos + 3 * box);
     farthest = std::max(farthest, (Place(s, "box") - start).norm());
     // MuJoCo's contacts give way: by `solref` .002 the boxes are 2 mm apart, by this one 0.3 mm.

@@ -67,8 +67,7 @@ TEST(BallLimit, MovesAsInMuJoCo) {
   const Matrix3 from = s.Pose("p").rotation();
   while (s.time() < 1.5) {
     ASSERT_TRUE(s.Step(true).IsSolved());
-    while (data->time < s.time() - 1e-6) mj_step(model.get(), data.get());
-    mj_kinematics(model.get(), data.get());
+    testing::StepMujocoTo(s.time(), *model, *data);
     const double* q = data->xquat + 4;
     const Matrix3 R = Quaternion(q[0], q[1], q[2], q[3]).toRotationMatrix();
     most = std::max(most, Turned(s, from));

@@ -76,6 +76,20 @@ Simulation MustCreate(const Scene& scene, const SimulationOptions& options = {})
   return std::move(*simulation);
 }
 
+// Every detection finds the law of a contact anew: recordings made before it had another field replay with the same state.
+TEST(Simulation, LawsThatAreFoundAnew_AreNoPartOfTheState) {
+  WorldState state;
+  state.contacts.resize(1);
+  const std::uint64_t hash = HashOf(state);
+  ContactPoint& point = state.contacts[0].point;
+  point.friction_scale << 0.5, 1;
+  point.adhesion = 2;
+  point.surface_velocity << 1, 2, 3;
+  EXPECT_EQ(HashOf(state), hash);
+  state.contacts[0].end_force.x() = 1;
+  EXPECT_NE(HashOf(state), hash);
+}
+
 TEST(Simulation, ReportsWhyItRelinearizes) {
   auto simulation = Simulation::Create(SoftChain(), {});
   ASSERT_TRUE(simulation) << simulation.error().Text();

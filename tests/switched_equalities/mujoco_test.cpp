@@ -43,8 +43,7 @@ void ExpectAsInMujoco(const std::string& kind, const std::string& where) {
     data->ctrl[0] = u.shoulder;
     data->ctrl[1] = u.elbow;
     data->eq_active[0] = u.grab > 0.5;
-    while (data->time < s.time() - 1e-6) mj_step(model.get(), data.get());
-    mj_kinematics(model.get(), data.get());
+    StepMujocoTo(s.time(), *model, *data);
     const Vector3 expected = Eigen::Map<const Vector3>(data->xpos + 3 * box);
     farthest = std::max(farthest, (Place(s, "box") - start).norm());
     // Its springs give way by some 1e-4 m under a load, and its step is of first order.

@@ -43,6 +43,8 @@ struct ContactConstraint {
   /// Coefficients along the tangents are these shares a_k of µ. Friction is bounded by the ellipse
   /// Σ (λ_k/(a_k µ))² <= λ_n² and opposes the slip w that dissipates most, λ_k = −µ λ_n a_k² w_k/|a w|.
   Vector2 friction_scale = Vector2::Ones();
+  /// Least share of the larger of both coefficients: a tangent without friction has a row nevertheless.
+  static constexpr double kMinFrictionScale = 1e-9;
   Vector3 impulse = Vector3::Zero();  // in: warm start; out: solution [N·s]
   double torsion = 0;                 // m: |moment about the normal| <= torsion λ_n
   double rolling = 0;                 // m: the same about either tangent
@@ -66,6 +68,14 @@ struct ContactConstraint {
   bool may_be_deferred =
       false;  // it is likely to stay open, and takes part only where the others alone would close it
 
+  /// Coefficient in the direction of a tangential impulse, which the ellipse bounds to this times λ_n; the larger one
+  /// where it is 0.
+  double FrictionAlong(const Vector2& tangential) const {
+    const double largest = friction_scale.maxCoeff(), length = tangential.norm();
+    if (!(length > 0) || friction_scale[0] == friction_scale[1]) return friction * largest;
+    return friction * length /
+           tangential.cwiseQuotient(friction_scale.cwiseMax(kMinFrictionScale * largest)).norm();
+  }
   /// Whether a solve begins without it.
   bool IsDeferred() const { return may_be_deferred && impulse.isZero(0); }
   /// First row of w [m/s] at stacked velocities; below 0 it closes.

@@ -13,8 +13,8 @@ namespace fork1s {
 
 /// A path at a pose: its length and what every coordinate adds to it.
 struct PathState {
-  double length = 0;           // m
-  Mechanism::LinearForm arms;  // coordinate, ∂length/∂q (m or m/rad); the path's coordinates, in their order
+  double length = 0;           // m, or rad of an angle
+  Mechanism::LinearForm arms;  // coordinate, ∂length/∂q; the path's coordinates, in their order
 };
 
 /// Scratch and result of a pass over the mechanism at one q. Sized once, reused without allocation.

@@ -252,10 +252,11 @@ class Mechanism {
   const std::vector<ScrewMotion>& screw_motions() const { return screw_motions_; }  // n
   /// Whether a coordinate is an angle [rad], by itself or along a screw; else a way [m].
   bool Turns(int coordinate) const { return !screws_.col(coordinate).head<3>().isZero(0); }
-  /// Whether a length is an angle [rad], and not in m.
+  /// Whether a length is an angle [rad], and not in m: one that mixes turns and slides is in m.
   bool IsAngle(const Length& length) const {
     if (length.path >= 0) return paths_[static_cast<std::size_t>(length.path)].kind == PathKind::kAngle;
-    return !length.terms.empty() && Turns(length.terms.front().first);
+    return !length.terms.empty() && std::all_of(length.terms.begin(), length.terms.end(),
+                                                [&](const auto& term) { return Turns(term.first); });
   }
   const VectorX& stiffness() const { return stiffness_; }  // n, of each coordinate's own spring
   const VectorX& damping() const { return damping_; }      // n
