@@ -193,8 +193,10 @@ void ContactSet::AddRows(const Bodies& free_bodies, const Mechanisms& mechanisms
       limit_gap_.push_back(upper ? stop.upper - length : length - stop.lower);
       limit_speed_.push_back(limit.sign * m.LengthRate(stop.length, m.q(), m.q_dot()));
       limit.bias = reference::ComputeGapBias(options.material, limit_gap_.back(), h);
-      if (m.mechanism().IsTendon(stop.length))
-        limit.recovery_mass = m.mechanism().total_mass() / (stop.length.gear * stop.length.gear);
+      const double arm = m.mechanism().IsTendon(stop.length)  ? 1 / stop.length.gear
+                         : m.mechanism().IsAngle(stop.length) ? m.mechanism().length_scale()
+                                                              : 1;
+      limit.recovery_mass = m.mechanism().total_mass() * arm * arm;
       limit.impulse = longer * blocks_[i].limit_impulses[static_cast<std::size_t>(at)];
       limits_.push_back(limit);
     }

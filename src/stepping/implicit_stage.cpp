@@ -148,6 +148,7 @@ void BeginStep(const StepContext& ctx, double h, double b, bool by_chord, const 
                                                       ws.mass.M_00(5, 5) * state.acceleration.segment<3>(3)));
   ws.matrix.b = 0;
   ws.matrix.of_parts = GeometricStiffness::kNone;
+  ws.matrix.joint_drag = 0;
 }
 
 namespace {
@@ -226,6 +227,10 @@ void ComputeStageResidual(const StepContext& ctx, double b, VectorX& residual) {
   if (model.base_size > 0) residual.head<6>() += b * ws.forces.base;
   if (model.size() > 0) residual.tail(model.size()) += b * ws.forces.f_z;
   if (HasComplementarity(ctx)) AddBackSaturatedDampers(ctx, b, residual);
+  if (ws.matrix.joint_drag > 0 && model.size() > 0)
+    residual.tail(model.size()) -=
+        ws.matrix.joint_drag *
+        (ws.mass.M.bottomRightCorner(model.size(), model.size()) * ws.stage.v_k.tail(model.size()));
 }
 
 }  // namespace
@@ -252,7 +257,8 @@ namespace {
 double Displacement(const StepContext& ctx, double b, const VectorX& x) {
   MechanismWorkspace& ws = ctx.work;
   ws.scratch.solved.noalias() = ws.mass.M * x;
-  return b * RootOf(x.dot(ws.scratch.solved) / std::max(ctx.model.mechanism().total_mass(), 1e-300));
+  return b * RootOfProduct(x, ws.scratch.solved) /
+         std::sqrt(std::max(ctx.model.mechanism().total_mass(), 1e-300));
 }
 
 }  // namespace
@@ -285,7 +291,14 @@ double MoveAndComputeResidual(const StepContext& ctx, double b, double time) {
   ws.stage.residual += ws.stage.impulse;
   ws.scratch.rhs = ws.stage.residual;
   ws.matrix.factor.SolveInPlace(ws.scratch.rhs);
-  return b * RootOf(ws.stage.residual.dot(ws.scratch.rhs) / std::max(model.mechanism().total_mass(), 1e-300));
+  return b * RootOfProduct(ws.stage.residual, ws.scratch.rhs) /
+         std::sqrt(std::max(model.mechanism().total_mass(), 1e-300));
+}
+
+void SetJointDrag(const StepContext& ctx, double drag) { ctx.work.matrix.joint_drag = drag; }
+
+void ShortenStage(const StepContext& ctx, double share) {
+  if (ctx.model.num_velocities() > 0) ctx.work.x -= share * ctx.work.stage.change;
 }
 
 void RelaxStage(const StepContext& ctx, double b, double time, double share) {

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 #include <fork1s/stepping/mechanism_state.hpp>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <utility>
@@ -102,6 +103,7 @@ struct StageMatrix {
   double b = 0;      // s: length of the stages that it is of, 0 for none
   bool is_definite = false;
   GeometricStiffness of_parts = GeometricStiffness::kNone;
+  double joint_drag = 0;                           // SetJointDrag
   std::vector<signed char> at_bound, slack_sides;  // saturation that it is of
 };
 
@@ -270,5 +272,11 @@ void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x);
 
 /// √s of a square s that rounding may have made negative; NaN for NaN, which std::max would turn into 0.
 inline double RootOf(double s) { return s < 0 ? 0 : std::sqrt(s); }
+
+/// √(xᵀ y) of y = A x; NaN where the product is more negative than by rounding: at a pose beyond all sizes A is no inertia.
+inline double RootOfProduct(const VectorX& x, const VectorX& y) {
+  const double s = x.dot(y);
+  return s < -1e-8 * x.norm() * y.norm() ? std::numeric_limits<double>::quiet_NaN() : RootOf(s);
+}
 
 }  // namespace fork1s

@@ -135,9 +135,10 @@ void AssembleStops(const Bodies& bodies, const StageAtHand& stage, const StepOpt
       [&](std::size_t i) { FillStops(i, bodies.mechanisms[i], stage, options, stops[i], approaches, rows); });
 }
 
-// A tendon that is shortest where it is still too long has a row that vanishes there: at any speed that it is drawn in
-// at, the joints run ever faster towards that pose and past it. A push by at most the momentum of the whole mechanism at
-// that speed ends there, as the speed falls with the inverse mass of the row.
+// A tendon that is shortest where it is still too long has a row that vanishes there, and so has the stop of a joint that
+// a loop drives through a dead centre: at any speed that it recovers at, the joints run ever faster towards that pose and
+// past it. A push by at most the momentum of the whole mechanism at that speed ends there, as the speed falls with the
+// inverse mass of the row.
 void BoundRecoveryMomentum(const Bodies& bodies, ConstraintRows& rows) {
   for (std::size_t i = 0; i < bodies.mechanisms.size(); ++i) {
     const MechanismDynamics& m = bodies.mechanisms[i];
@@ -147,8 +148,10 @@ void BoundRecoveryMomentum(const Bodies& bodies, ConstraintRows& rows) {
         LimitConstraint& limit = rows.limits[next++];
         const auto at = static_cast<std::size_t>(part.limits[k] / 2);
         const Mechanism::Length& length = m.length_limits()[at].length;
-        if (!(limit.bias < 0) || !m.mechanism().IsTendon(length) || part.Y.rows() == 0) continue;
-        const double inverse_mass = part.Y.col(part.LimitRow(k)).squaredNorm() / (length.gear * length.gear);
+        if (!(limit.bias < 0) || part.Y.rows() == 0) continue;
+        const double per_meter =
+                         (m.mechanism().IsTendon(length) ? length.gear : 1) / MetersPerUnit(m, length),
+                     inverse_mass = part.Y.col(part.LimitRow(k)).squaredNorm() / (per_meter * per_meter);
         limit.bias *= std::min(1.0, m.mechanism().total_mass() * inverse_mass);
       }
       next += part.frictions.size();

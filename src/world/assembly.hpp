@@ -12,6 +12,7 @@ struct StageAtHand {
   bool is_backward_euler = false;  // the step, or its part, is one stage
   bool rows_from_start = false;  // rows are those of the pose where the stage starts, else of that found last
   bool all_stops = false;        // all stops are rows
+  bool drags_joints = false;     // the part at hand could not be solved without
   bool keeps_contacts =
       false;  // points, normals and gaps of the base point are those of an earlier iteration
 };
@@ -23,7 +24,7 @@ void AssembleContacts(const StageAtHand& stage, const StepOptions& options, cons
 /// Rows of the stops and dry frictions that take part.
 void AssembleStops(const Bodies& bodies, const StageAtHand& stage, const StepOptions& options,
                    const std::vector<StopHistory>& stops, Approaches& approaches, ConstraintRows& rows);
-/// After AssembleOperators: bounds the speed at which tendons beyond their stops are pushed back.
+/// After AssembleOperators: bounds the speed at which what is beyond a stop is pushed back.
 void BoundRecoveryMomentum(const Bodies& bodies, ConstraintRows& rows);
 /// What is met within the step and has restitution parts again, once the free motion is known.
 void Rebound(const Detection& detection, const Approaches& approaches, double h, ConstraintRows& rows);

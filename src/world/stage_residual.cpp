@@ -35,8 +35,12 @@ bool IsSlow(double residual, double change) {
   return !(residual * std::pow(contraction, kIterationsOfMatrix) <= 1);
 }
 
+// Lengths: of a motion beyond them, as of an iteration that has run away, the residual is no smaller share.
+constexpr double kFarthestMotion = 100;
+
 double Tolerance(double share, const StageMotion& moved, double length) {
-  return share * std::min(moved.motion, 10 * moved.velocity_change) + std::min(kRounding, share) * length;
+  return share * std::min({moved.motion, 10 * moved.velocity_change, kFarthestMotion * length}) +
+         std::min(kRounding, share) * length;
 }
 
 // Adds a residual [m] of something that moves by `motion` [m] in the stage.
@@ -44,11 +48,16 @@ void Add(double residual, double tolerance, const StageMotion& moved, double len
          StageResidual& out) {
   // What is beyond the range of numbers is not solved, however large the motion that the residual is compared
   // with.
-  const double ratio = std::isfinite(moved.motion) && std::isfinite(residual)
-                           ? residual / std::max(Tolerance(tolerance, moved, length), 1e-300)
-                           : std::numeric_limits<double>::infinity();
+  if (!(std::isfinite(moved.motion) && std::isfinite(residual))) {
+    out.ratio = out.negligible = std::numeric_limits<double>::infinity();
+    out.is_small = false;
+    out.subject = subject;
+    return;
+  }
+  const double ratio = residual / std::max(Tolerance(tolerance, moved, length), 1e-300);
   out.largest = std::max(out.largest, residual);
-  const double negligible = kRelativeTolerance * moved.motion + kResidualTolerance * length;
+  const double negligible =
+      kRelativeTolerance * std::min(moved.motion, kFarthestMotion * length) + kResidualTolerance * length;
   out.negligible = std::max(out.negligible, residual / std::max(negligible, 1e-300));
   out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
   if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
@@ -59,6 +68,10 @@ void Add(double residual, double tolerance, const StageMotion& moved, double len
 // An iteration is near its solution where it moves nothing by more than this share of its length. Relaxed
 // farther from it, it may settle on another solution: a stiff thread half a turn from its length.
 constexpr double kNear = 1e-3;
+// The row of a stop vanishes where a loop drives its joint through a dead centre. Linearized beside that pose it moves
+// the loop by more than the mechanism is long, and further iterations part from there. The last resort takes no more
+// than this share of the length of an iteration.
+constexpr double kTrusted = 0.1;
 
 // Of two changes of velocity d₀ and d₁, whose directions oppose each other, the share w of d₁ to take back that
 // makes (1 - w) d₁ + w d₀ least: Anderson's acceleration of depth one (Walker & Ni 2011) where it interpolates. An
@@ -103,6 +116,8 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   newton.changes.resize(all.mechanisms.size());
   for (std::size_t i = 0; i < all.mechanisms.size(); ++i) {
     newton.changes[i] = ComputeStageChange(all.mechanisms[i], b);
+    if (at.relaxes_far && newton.changes[i].change > kTrusted * length(i))
+      ShortenStage(all.mechanisms[i], 1 - kTrusted * length(i) / newton.changes[i].change);
     Add(newton.changes[i].change, at.tolerance, newton.changes[i], length(i), subject(i), changes);
     add(newton.changes[i], length(i));
   }

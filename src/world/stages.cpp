@@ -8,8 +8,9 @@
 // A step that contains an event is taken as two of half the length, and so on: an impact, a change of
 // saturation between its stages, a stage that does not converge. The shortest parts are one stage with b = h,
 // backward Euler: extrapolated, the velocity that the first stage stopped would come back. No stage is
-// accepted unless it is solved; where the shortest parts are not, the step is undone. Where they have led one shape
-// through another they are accepted and reported.
+// accepted unless it is solved; where the shortest part is not, it is taken with dragged joints and reported, and where
+// that is not solved either, the step is undone: time would stand still. Where they have led one shape through another
+// they are accepted and reported.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -32,6 +33,11 @@ constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // negligible again, the planes of surfaces as curved as the body is long are off.
 constexpr int kIterationsWithDetection = 4;
 constexpr double kReleasedContacts = 1e4;
+// What even the shortest part does not solve is solved with joints that are dragged: damped by this many times their
+// inertia over the length of the part. The part keeps its momentum, loses energy and is reported. Where its iteration
+// stagnates or takes more than kIterationsWithDetection, a residual of kUsable times what is negligible will do for it, a
+// hundredth of the motion and 1e-4 of the length.
+constexpr double kJointDrag = 100, kUsable = 1e4;
 
 }  // namespace
 
@@ -74,6 +80,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     const PartClock clock(times_, &StepPartTimes::moving);
     bodies_.ForMechanisms([&](std::size_t i) {
       fork1s::BeginStep(bodies_.mechanisms[i], h, b, stage_.is_backward_euler, options.gravity);
+      if (stage_.drags_joints) SetJointDrag(bodies_.mechanisms[i], kJointDrag);
     });
     for (FreeBody& body : bodies_.free_bodies) body.BeginStep(b, options.gravity);
     RecordStageStart(true);
@@ -208,7 +215,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       // in the solve the contraction of other iterations says nothing.
       const bool may_accept = !stage_.rows_from_start && rows_.bounded_forces.empty();
       return MoveAndComputeResiduals({scheme, stage.h, time, options.newton_tolerance, iteration == 1,
-                                      may_accept, !stage_.rows_from_start, inertial},
+                                      may_accept, !stage_.rows_from_start, inertial || stage_.drags_joints},
                                      bodies_, newton_);
     }();
     if (!IsFinite(true)) break;
@@ -232,16 +239,18 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       growths = 0;
       max_iterations = std::max(max_iterations, iteration + kMaxNewtonIterations);
     }
-    bool ends = iteration == max_iterations || growths > kMaxResidualGrowths;
+    const bool is_usable = stage_.drags_joints && !from_start && found.negligible <= kUsable &&
+                           (stagnates || iteration > kIterationsWithDetection);
+    bool ends = iteration == max_iterations || (growths > kMaxResidualGrowths && !stage_.drags_joints);
     const bool begins_inertial =
-        ends && scheme == StageScheme::kBackwardEuler && !inertial && found.ratio > 1;
+        ends && scheme == StageScheme::kBackwardEuler && !inertial && !is_usable && found.ratio > 1;
     if (begins_inertial) {
       inertial = true;
       ends = false;
       growths = 0;
       max_iterations = iteration + 2 * kMaxNewtonIterations;
     }
-    if (!from_start && (found.ratio <= 1 || is_accepted || (ends && found.is_small))) {
+    if (!from_start && (found.ratio <= 1 || is_accepted || is_usable || (ends && found.is_small))) {
       if (!report.solver.converged && halving_.depth < kMaxHalvings) break;
       MergeSolverReport(of_stages_before, report.solver);
       const bool has_passed = passed.kind != StepSubject::Kind::kNone;
@@ -254,6 +263,12 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
         report.stage_residual = found.largest;
         report.stage_residual_of = found.subject;
       }
+      // Without drag the joints would move on by about as much.
+      for (std::size_t i = 0; stage_.drags_joints && i < newton_.changes.size(); ++i)
+        if (const double held = kJointDrag * newton_.changes[i].motion; held > report.stage_residual) {
+          report.stage_residual = held;
+          report.stage_residual_of = {StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
+        }
       // The side on which the body ends is uncertain, and its place by its motion in the stage.
       if (has_passed) {
         report.stage_residual = std::max(report.stage_residual, passed_by);
@@ -365,11 +380,18 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   report.stage_iterations = attempt.stage_iterations;
   report.max_stage_iterations = attempt.max_stage_iterations;
   report.halving_of = attempt.halving_of;
+  Halving::Level& whole = halving_.levels[static_cast<std::size_t>(halving_.depth)];
   if (halving_.depth == kMaxHalvings) {
     report.stages_converged = false;
-    return UndoStep(halving_.before, report);
+    if (stage_.drags_joints) return UndoStep(halving_.before, report);
+    report.parts = 0;
+    sums_ = whole.sums;
+    Restore(halving_.before);
+    stage_.drags_joints = true;
+    AddReport(StepByStages(options), report);
+    stage_.drags_joints = false;
+    return report;
   }
-  Halving::Level& whole = halving_.levels[static_cast<std::size_t>(halving_.depth)];
   whole.start = halving_.before;
   if (halving_.depth == 0) step_start_ = &whole.start;
   sums_ = whole.sums;
