@@ -261,7 +261,7 @@ TEST(ErrorEstimate, IsSoOnDrivenBasesThatStartAtOnce) { ExpectMostInside(DrivenC
 
 TEST(ErrorEstimate, IsSoOfWhatStands) { ExpectMostInside(StandingCase, 3, 6); }
 
-TEST(ErrorEstimate, IsSoOfWhatSlides) { ExpectMostInside(SlidingCase, 6, 6); }
+TEST(ErrorEstimate, IsSoOfWhatSlides) { ExpectMostInside(SlidingCase, 3, 6); }
 
 // An arm that comes down on the ground with a round tip, parts from it and strikes again, and slides on. Its links weigh
 // what an arm's do, its springs are those of PD control.
