@@ -19,14 +19,18 @@ class RunWatch {
   void Update(const Simulation& simulation, const SanityMonitor::Seen& seen);
   /// After a change of detail or stiffness. What was seen before stays.
   void Changed(const Simulation& simulation);
-  /// A sentence for each kind that was implausible.
-  std::vector<std::string> Implausible() const { return monitor_.Sentences(); }
+  /// After one that was undone.
+  void NoteUndone(const Simulation& simulation, const StepReport& report);
+  /// A sentence for each kind that was implausible, the steps that were undone first.
+  std::vector<std::string> Implausible() const;
   /// Of each level of detail, deepest first.
   std::vector<Interpenetration> Passed() const;
 
  private:
   void WatchInterior(const Simulation& simulation);
 
+  int undone_ = 0;            // steps
+  std::string undone_first_;  // when and what
   SanityMonitor monitor_;
   std::optional<InterpenetrationMonitor> interior_;
   std::vector<Interpenetration> passed_;  // before the last change

@@ -103,3 +103,14 @@ def test_warnings_are_those_of_the_moment_that_a_simulation_went_back_to():
     for copied in (copy.copy(sim), pickle.loads(pickle.dumps(sim))):
         copied.step(50)
         assert any("wedged" in text for text in copied.warnings)
+
+
+def test_undone_steps_are_counted():
+    sim = fork1s.Simulation(fork1s.load(DRAWER), watch=True)
+    before = sim.warnings
+    for others in ("", "; 1 more step", "; 2 more steps"):
+        sim.push("drawer", force=[1e300, 0, 0])
+        assert not sim.step().finite
+        [sentence] = [text for text in sim.warnings if text not in before]
+        assert sentence.startswith("the step from 0 s was undone: ")
+        assert sentence.split("; ")[1].startswith(others.removeprefix("; ") or "try a smaller")

@@ -94,6 +94,7 @@ internal::StepTotals Runner::Step(int steps, bool move) {
       watch_->Update(simulation_, {simulation_.Energy(), simulation_.KineticEnergy(), simulation_.JointGap(),
                                    pushed, step.IsSolved(), step.stages_converged ? 0 : step.stage_residual});
     }
+    if (watch_ && !step.finite) watch_->NoteUndone(simulation_, step);
     report.Add(step, simulation_.world());
     if (recorder_) ValueOrThrow(recorder_->Append(simulation_, step, wrenches), recording_);
   }
