@@ -30,9 +30,9 @@ void RunWatch::NoteUndone(const Simulation& simulation, const StepReport& report
 std::vector<std::string> RunWatch::Implausible() const {
   std::vector<std::string> all = monitor_.Sentences();
   if (undone_ == 0) return all;
-  const std::string others = undone_ == 1 ? ""
-                                          : fmt::format("; {} more step{} undone, while time stood still",
-                                                        undone_ - 1, undone_ == 2 ? " was" : "s were");
+  const std::string others =
+      undone_ == 1 ? ""
+                   : fmt::format("; {} more step{} undone", undone_ - 1, undone_ == 2 ? " was" : "s were");
   all.insert(all.begin(),
              undone_first_ + others + "; try a smaller time step, or softer gains, pushes and springs");
   return all;

@@ -1,4 +1,4 @@
-// What the command line warns of at the end of a run, for other programs that step.
+// What the command line warns of at the end of a run, and steps that were undone, for other programs that step.
 #pragma once
 
 #include <fork1s/sim/sanity_monitor.hpp>

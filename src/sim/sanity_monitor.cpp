@@ -293,21 +293,24 @@ void SanityMonitor::CheckForces(const Simulation& simulation, const Seen& seen) 
                  most / weight_, 0) +
            "; " + RemedyFor(simulation, strongest.first, strongest.second, true, kStartApart);
   });
-  if (seen.converged) return;
-  double smallest = std::numeric_limits<double>::infinity();
-  for (const double radius : radii_) smallest = std::min(smallest, radius);
-  // Where stages converged and contacts did not, the step with the largest force.
-  const double off = std::isfinite(smallest) ? seen.residual / (kNegligibleResidual * smallest) : 0;
-  Note(kUnconverged, 2 + (off > 0 ? off : most / weight_), [&] {
-    std::string at = Print("the step to %.4g s did not converge", simulation.time(), 0, 0);
-    if (seen.residual > 0) at += Print(" to better than %.2g mm", 1e3 * seen.residual, 0, 0);
-    if (off > 0 && off < 1)
-      return at + ": poses are as good as exact, forces of contacts and stops may be shared out otherwise";
-    constexpr const char* kShorterStep = "try a smaller time step";
-    if (!(most > 0)) return at + "; " + kShorterStep;
-    return at + Print(", with %.3g N between ", most, 0, 0) + names() + "; " +
-           RemedyFor(simulation, strongest.first, strongest.second, pairs_.at(strongest).was_wedged,
-                     kShorterStep);
+  constexpr const char* kShorterStep = "try a smaller time step";
+  const auto where = [&] {
+    return !(most > 0) ? "; " + std::string(kShorterStep)
+                       : Print(", with %.3g N between ", most, 0, 0) + names() + "; " +
+                             RemedyFor(simulation, strongest.first, strongest.second,
+                                       pairs_.at(strongest).was_wedged, kShorterStep);
+  };
+  const auto step = [&] { return Print("the step to %.4g s did not converge", simulation.time(), 0, 0); };
+  if (!seen.converged && !(seen.residual > 0))
+    Note(kContactsUnsolved, 2 + most / weight_, [&] { return step() + where(); });
+  if (seen.converged || !(seen.residual > 0)) return;
+  double size = std::numeric_limits<double>::infinity();
+  for (const double radius : radii_) size = std::min(size, radius);
+  const double off = seen.residual / (kNegligibleResidual * (std::isfinite(size) ? size : 1));
+  Note(kUnconverged, 2 + off, [&] {
+    const std::string told = step() + Print(" to better than %.2g mm", 1e3 * seen.residual, 0, 0);
+    return off < 1 ? told + ": poses are off by no more, forces of contacts and stops may be"
+                   : told + where();
   });
 }
 

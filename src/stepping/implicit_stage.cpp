@@ -148,7 +148,7 @@ void BeginStep(const StepContext& ctx, double h, double b, bool by_chord, const 
                                                       ws.mass.M_00(5, 5) * state.acceleration.segment<3>(3)));
   ws.matrix.b = 0;
   ws.matrix.of_parts = GeometricStiffness::kNone;
-  ws.matrix.joint_drag = 0;
+  ws.matrix.artificial_damping = 0;
 }
 
 namespace {
@@ -227,9 +227,9 @@ void ComputeStageResidual(const StepContext& ctx, double b, VectorX& residual) {
   if (model.base_size > 0) residual.head<6>() += b * ws.forces.base;
   if (model.size() > 0) residual.tail(model.size()) += b * ws.forces.f_z;
   if (HasComplementarity(ctx)) AddBackSaturatedDampers(ctx, b, residual);
-  if (ws.matrix.joint_drag > 0 && model.size() > 0)
+  if (ws.matrix.artificial_damping > 0 && model.size() > 0)
     residual.tail(model.size()) -=
-        ws.matrix.joint_drag *
+        ws.matrix.artificial_damping *
         (ws.mass.M.bottomRightCorner(model.size(), model.size()) * ws.stage.v_k.tail(model.size()));
 }
 
@@ -295,10 +295,25 @@ double MoveAndComputeResidual(const StepContext& ctx, double b, double time) {
          std::sqrt(std::max(model.mechanism().total_mass(), 1e-300));
 }
 
-void SetJointDrag(const StepContext& ctx, double drag) { ctx.work.matrix.joint_drag = drag; }
+void SetArtificialDamping(const StepContext& ctx, double ratio) {
+  ctx.work.matrix.artificial_damping = ratio;
+}
 
-void ShortenStage(const StepContext& ctx, double share) {
-  if (ctx.model.num_velocities() > 0) ctx.work.x -= share * ctx.work.stage.change;
+double JointDisplacement(const StepContext& ctx, double b) {
+  const auto& [model, state, ws] = ctx;
+  const int r = model.size();
+  ws.scratch.rhs = ws.x.tail(r);
+  ws.scratch.solved.noalias() = ws.mass.M.bottomRightCorner(r, r) * ws.scratch.rhs;
+  return b * RootOfProduct(ws.scratch.rhs, ws.scratch.solved) /
+         std::sqrt(std::max(model.mechanism().total_mass(), 1e-300));
+}
+
+void ShortenStage(const StepContext& ctx, double share, StageChange& change) {
+  ctx.work.x -= share * ctx.work.stage.change;
+  ctx.work.stage.change *= 1 - share;
+  change.change *= 1 - share;
+  change.with_before *= 1 - share;
+  change.square *= (1 - share) * (1 - share);
 }
 
 void RelaxStage(const StepContext& ctx, double b, double time, double share) {

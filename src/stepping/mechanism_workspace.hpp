@@ -103,7 +103,7 @@ struct StageMatrix {
   double b = 0;      // s: length of the stages that it is of, 0 for none
   bool is_definite = false;
   GeometricStiffness of_parts = GeometricStiffness::kNone;
-  double joint_drag = 0;                           // SetJointDrag
+  double artificial_damping = 0;                   // SetArtificialDamping
   std::vector<signed char> at_bound, slack_sides;  // saturation that it is of
 };
 
@@ -273,10 +273,12 @@ void SolveOrFail(Cholesky& factor, const MatrixX& A, VectorX& x);
 /// √s of a square s that rounding may have made negative; NaN for NaN, which std::max would turn into 0.
 inline double RootOf(double s) { return s < 0 ? 0 : std::sqrt(s); }
 
-/// √(xᵀ y) of y = A x; NaN where the product is more negative than by rounding: at a pose beyond all sizes A is no inertia.
+/// √(xᵀ y) of y = A x or A⁻¹ x; NaN where the product is more negative than by the rounding of y: far beyond the size of
+/// a mechanism its inertia loses all digits, and A is not positive definite.
 inline double RootOfProduct(const VectorX& x, const VectorX& y) {
   const double s = x.dot(y);
-  return s < -1e-8 * x.norm() * y.norm() ? std::numeric_limits<double>::quiet_NaN() : RootOf(s);
+  return s < -1e-8 * x.cwiseProduct(y).cwiseAbs().sum() ? std::numeric_limits<double>::quiet_NaN()
+                                                        : RootOf(s);
 }
 
 }  // namespace fork1s

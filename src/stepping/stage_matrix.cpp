@@ -33,7 +33,8 @@ void ComputeMatrix(const StepContext& ctx, double b) {
   for (std::size_t k = 0; k < ws.active_set.slack.size(); ++k)
     ws.matrix.slack_sides[k] = static_cast<signed char>(ws.active_set.slack[k].side);
   ws.matrix.A = ws.mass.M;
-  if (ws.matrix.joint_drag > 0) ws.matrix.A.bottomRightCorner(r, r) *= 1 + ws.matrix.joint_drag;
+  if (ws.matrix.artificial_damping > 0)
+    ws.matrix.A.bottomRightCorner(r, r) *= 1 + ws.matrix.artificial_damping;
   if (ws.expansion.in_use) {
     AddExpandedOperator(ctx, b);
   } else if (r > 0) {

@@ -131,11 +131,12 @@ double MoveAndComputeResidual(const StepContext& ctx, double b, double time);
 /// After contact, in place of MoveAndComputeResidual: the stage is solved. Moves to the pose found,
 /// `with_derivatives`: Q and Jacobians too.
 void AcceptStage(const StepContext& ctx, double b, double time, bool with_derivatives);
-/// After BeginStep: damps all joints by `drag` times their inertia over the length of the stage. Forces of that damper are
-/// internal.
-void SetJointDrag(const StepContext& ctx, double drag);
-/// After ComputeStageChange: takes back a share of the change of velocity that the iteration made.
-void ShortenStage(const StepContext& ctx, double share);
+/// After BeginStep: damps the reduced velocities by `ratio` times their inertia over the length of the stage.
+void SetArtificialDamping(const StepContext& ctx, double ratio);
+/// m: displacement within b by the reduced velocities, in the kinetic metric.
+double JointDisplacement(const StepContext& ctx, double b);
+/// After ComputeStageChange, which returned `change`: takes back a share of the change of velocity that the iteration made.
+void ShortenStage(const StepContext& ctx, double share, StageChange& change);
 /// The same after MoveAndComputeResidual, and moves.
 void RelaxStage(const StepContext& ctx, double b, double time, double share);
 /// Forces of servos and slack springs at the end of a stage of length b [s] that was solved, and their

@@ -1,6 +1,8 @@
 // The rows of contacts and stops, and what they know of the step before.
 #pragma once
 
+#include <optional>
+
 #include "bodies.hpp"
 #include "impact.hpp"
 
@@ -12,7 +14,8 @@ struct StageAtHand {
   bool is_backward_euler = false;  // the step, or its part, is one stage
   bool rows_from_start = false;  // rows are those of the pose where the stage starts, else of that found last
   bool all_stops = false;        // all stops are rows
-  bool drags_joints = false;     // the part at hand could not be solved without
+  double artificial_damping = 0;        // of the part at hand, SetArtificialDamping
+  std::optional<int> damped_mechanism;  // the one that it is of; none: of all
   bool keeps_contacts =
       false;  // points, normals and gaps of the base point are those of an earlier iteration
 };

@@ -47,6 +47,7 @@ struct World::Detail {
                               StepReport& report) const;
   void MoveAllToStagePoses(double b, double time);
   void StoreStage(double b, StageScheme scheme, StepReport& report);
+  double DampingOf(std::size_t mechanism) const;
   StepReport HalveOrUndo(const StepOptions& options, HalvingCause cause, const StepReport& attempt);
   StepReport FinishStep(const StepOptions& options, WorldState& start, StepReport report);
   void SumImpulses(double weight);

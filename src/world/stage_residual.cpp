@@ -36,10 +36,10 @@ bool IsSlow(double residual, double change) {
 }
 
 // Lengths: of a motion beyond them, as of an iteration that has run away, the residual is no smaller share.
-constexpr double kFarthestMotion = 100;
+constexpr double kMaxMotionForTolerance = 100;
 
 double Tolerance(double share, const StageMotion& moved, double length) {
-  return share * std::min({moved.motion, 10 * moved.velocity_change, kFarthestMotion * length}) +
+  return share * std::min({moved.motion, 10 * moved.velocity_change, kMaxMotionForTolerance * length}) +
          std::min(kRounding, share) * length;
 }
 
@@ -56,8 +56,8 @@ void Add(double residual, double tolerance, const StageMotion& moved, double len
   }
   const double ratio = residual / std::max(Tolerance(tolerance, moved, length), 1e-300);
   out.largest = std::max(out.largest, residual);
-  const double negligible =
-      kRelativeTolerance * std::min(moved.motion, kFarthestMotion * length) + kResidualTolerance * length;
+  const double negligible = kRelativeTolerance * std::min(moved.motion, kMaxMotionForTolerance * length) +
+                            kResidualTolerance * length;
   out.negligible = std::max(out.negligible, residual / std::max(negligible, 1e-300));
   out.is_small = out.is_small && (ratio <= 1 || residual <= kStagnationTolerance * length);
   if (ratio <= out.ratio && out.subject.kind != StepSubject::Kind::kNone) return;
@@ -71,7 +71,7 @@ constexpr double kNear = 1e-3;
 // The row of a stop vanishes where a loop drives its joint through a dead centre. Linearized beside that pose it moves
 // the loop by more than the mechanism is long, and further iterations part from there. The last resort takes no more
 // than this share of the length of an iteration.
-constexpr double kTrusted = 0.1;
+constexpr double kMaxIterationDisplacement = 0.1;
 
 // Of two changes of velocity d₀ and d₁, whose directions oppose each other, the share w of d₁ to take back that
 // makes (1 - w) d₁ + w d₀ least: Anderson's acceleration of depth one (Walker & Ni 2011) where it interpolates. An
@@ -113,11 +113,15 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   const auto subject = [](std::size_t i) {
     return StepSubject{StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
   };
+  bool shortened = false;
   newton.changes.resize(all.mechanisms.size());
   for (std::size_t i = 0; i < all.mechanisms.size(); ++i) {
     newton.changes[i] = ComputeStageChange(all.mechanisms[i], b);
-    if (at.relaxes_far && newton.changes[i].change > kTrusted * length(i))
-      ShortenStage(all.mechanisms[i], 1 - kTrusted * length(i) / newton.changes[i].change);
+    const double most = kMaxIterationDisplacement * length(i);
+    if (at.limits_displacement && newton.changes[i].change > most) {
+      ShortenStage(all.mechanisms[i], 1 - most / newton.changes[i].change, newton.changes[i]);
+      shortened = true;
+    }
     Add(newton.changes[i].change, at.tolerance, newton.changes[i], length(i), subject(i), changes);
     add(newton.changes[i], length(i));
   }
@@ -125,7 +129,7 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   FindSwinging(at, all_changes, newton);
   double& contraction = newton.contraction[at.scheme == StageScheme::kSecondOfTwo ? 1 : 0];
   const double next = contraction / (1 - contraction);
-  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && at.may_accept) {
+  if (bodies.ratio <= 1 && next * changes.ratio <= 1 && at.may_accept && !shortened) {
     const bool is_last = at.scheme != StageScheme::kFirstOfTwo;
     all.ForMechanisms([&](std::size_t i) { AcceptStage(all.mechanisms[i], b, at.time, is_last); });
     for (std::size_t i = 0; i < all.mechanisms.size(); ++i)
@@ -137,7 +141,7 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   for (std::size_t i = 0; i < all.mechanisms.size(); ++i)
     Add(MoveAndComputeResidual(all.mechanisms[i], b, at.time), at.tolerance, newton.changes[i], length(i),
         subject(i), found);
-  if (changes.ratio > 0 && at.measures) {
+  if (changes.ratio > 0 && at.measures && !shortened) {
     const double measured = std::clamp(found.ratio / changes.ratio, kLeastContraction, kNoContraction);
     contraction = at.is_first ? measured : std::max(contraction, measured);
   }

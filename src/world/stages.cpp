@@ -8,8 +8,8 @@
 // A step that contains an event is taken as two of half the length, and so on: an impact, a change of
 // saturation between its stages, a stage that does not converge. The shortest parts are one stage with b = h,
 // backward Euler: extrapolated, the velocity that the first stage stopped would come back. No stage is
-// accepted unless it is solved; where the shortest part is not, it is taken with dragged joints and reported, and where
-// that is not solved either, the step is undone: time would stand still. Where they have led one shape through another
+// accepted unless it is solved; where the shortest part is not, it is solved with artificial damping and reported, and where
+// that is not solved either, the step is undone. Where they have led one shape through another
 // they are accepted and reported.
 #include <algorithm>
 #include <cmath>
@@ -33,11 +33,11 @@ constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // negligible again, the planes of surfaces as curved as the body is long are off.
 constexpr int kIterationsWithDetection = 4;
 constexpr double kReleasedContacts = 1e4;
-// What even the shortest part does not solve is solved with joints that are dragged: damped by this many times their
-// inertia over the length of the part. The part keeps its momentum, loses energy and is reported. Where its iteration
-// stagnates or takes more than kIterationsWithDetection, a residual of kUsable times what is negligible will do for it, a
-// hundredth of the motion and 1e-4 of the length.
-constexpr double kJointDrag = 100, kUsable = 1e4;
+// A shortest part that cannot be solved is solved with artificial damping: reduced velocities are damped by the first of
+// these times their inertia over the length of the part that makes it solvable. A floating mechanism keeps its momentum, energy is lost, and the part
+// is reported. Where its iteration stagnates or takes more than kIterationsWithDetection, it is accepted with a residual
+// of kMaxDampedResidual times what is negligible, a hundredth of the motion and 1e-4 of the length.
+constexpr double kArtificialDamping[] = {1e2, 1e4, 1e6}, kMaxDampedResidual = 1e4;
 
 }  // namespace
 
@@ -48,6 +48,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   stage_.is_backward_euler = options.integrator == Integrator::kEuler || halving_.depth >= kMaxEventHalvings;
   const double b = stage_.is_backward_euler ? h : kStageShare * h;
   if (halving_.depth == 0) {
+    stage_.artificial_damping = 0;
     approaches_.SetSpeeds(options);
     halving_.predicted = {};
     sums_.Clear(bodies_.mechanisms.size(), closures_.size());
@@ -80,7 +81,7 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
     const PartClock clock(times_, &StepPartTimes::moving);
     bodies_.ForMechanisms([&](std::size_t i) {
       fork1s::BeginStep(bodies_.mechanisms[i], h, b, stage_.is_backward_euler, options.gravity);
-      if (stage_.drags_joints) SetJointDrag(bodies_.mechanisms[i], kJointDrag);
+      SetArtificialDamping(bodies_.mechanisms[i], DampingOf(i));
     });
     for (FreeBody& body : bodies_.free_bodies) body.BeginStep(b, options.gravity);
     RecordStageStart(true);
@@ -103,6 +104,11 @@ StepReport World::Detail::StepByStages(const StepOptions& options) {
   if (halving_.depth == 0) return FinishStep(options, halving_.before, report);
   bodies_.ForMechanisms([&](std::size_t i) { DropExpansionIfFar(bodies_.mechanisms[i]); });
   return IsFinite(true) ? report : UndoStep(halving_.before, report);
+}
+
+double World::Detail::DampingOf(std::size_t mechanism) const {
+  const bool is_damped = !stage_.damped_mechanism || *stage_.damped_mechanism == static_cast<int>(mechanism);
+  return is_damped ? stage_.artificial_damping : 0;
 }
 
 // What follows the last stage; `start` is where the step is undone to if it is not finite.
@@ -214,9 +220,11 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       // An iteration with the contacts of the stage's start is never the last. Of forces that changed sides
       // in the solve the contraction of other iterations says nothing.
       const bool may_accept = !stage_.rows_from_start && rows_.bounded_forces.empty();
-      return MoveAndComputeResiduals({scheme, stage.h, time, options.newton_tolerance, iteration == 1,
-                                      may_accept, !stage_.rows_from_start, inertial || stage_.drags_joints},
-                                     bodies_, newton_);
+      return MoveAndComputeResiduals(
+          {scheme, stage.h, time, options.newton_tolerance, iteration == 1, may_accept,
+           !stage_.rows_from_start, inertial || stage_.artificial_damping > 0,
+           inertial || stage_.artificial_damping > 0},
+          bodies_, newton_);
     }();
     if (!IsFinite(true)) break;
     const bool from_start = stage_.rows_from_start;
@@ -239,11 +247,12 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       growths = 0;
       max_iterations = std::max(max_iterations, iteration + kMaxNewtonIterations);
     }
-    const bool is_usable = stage_.drags_joints && !from_start && found.negligible <= kUsable &&
+    const bool is_usable = stage_.artificial_damping > 0 && found.negligible <= kMaxDampedResidual &&
                            (stagnates || iteration > kIterationsWithDetection);
-    bool ends = iteration == max_iterations || (growths > kMaxResidualGrowths && !stage_.drags_joints);
+    bool ends =
+        iteration == max_iterations || (growths > kMaxResidualGrowths && stage_.artificial_damping == 0);
     const bool begins_inertial =
-        ends && scheme == StageScheme::kBackwardEuler && !inertial && !is_usable && found.ratio > 1;
+        ends && scheme == StageScheme::kBackwardEuler && !inertial && found.ratio > 1;
     if (begins_inertial) {
       inertial = true;
       ends = false;
@@ -263,9 +272,11 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
         report.stage_residual = found.largest;
         report.stage_residual_of = found.subject;
       }
-      // Without drag the joints would move on by about as much.
-      for (std::size_t i = 0; stage_.drags_joints && i < newton_.changes.size(); ++i)
-        if (const double held = kJointDrag * newton_.changes[i].motion; held > report.stage_residual) {
+      // Without damping the joints would move on by about as much.
+      for (std::size_t i = 0; i < bodies_.mechanisms.size(); ++i)
+        if (const double damping = DampingOf(i),
+            held = damping > 0 ? damping * JointDisplacement(bodies_.mechanisms[i], stage.h) : 0;
+            held > report.stage_residual) {
           report.stage_residual = held;
           report.stage_residual_of = {StepSubject::Kind::kMechanism, static_cast<int>(i), -1};
         }
@@ -383,13 +394,23 @@ StepReport World::Detail::HalveOrUndo(const StepOptions& options, HalvingCause c
   Halving::Level& whole = halving_.levels[static_cast<std::size_t>(halving_.depth)];
   if (halving_.depth == kMaxHalvings) {
     report.stages_converged = false;
-    if (stage_.drags_joints) return UndoStep(halving_.before, report);
-    report.parts = 0;
-    sums_ = whole.sums;
-    Restore(halving_.before);
-    stage_.drags_joints = true;
-    AddReport(StepByStages(options), report);
-    stage_.drags_joints = false;
+    if (stage_.artificial_damping > 0) return UndoStep(halving_.before, report);
+    stage_.damped_mechanism.reset();
+    if (attempt.halving_of.kind == StepSubject::Kind::kMechanism)
+      stage_.damped_mechanism = attempt.halving_of.index;
+    StepReport part;
+    whole.start = halving_.before;  // which an attempt that fails clears the inputs of
+    for (const double damping : kArtificialDamping) {
+      report.parts = 0;
+      sums_ = whole.sums;
+      Restore(whole.start);
+      stage_.artificial_damping = damping;
+      part = StepByStages(options);
+      stage_.artificial_damping = 0;
+      if (part.finite) break;
+    }
+    AddReport(part, report);
+    if (report.halving_of.kind == StepSubject::Kind::kNone) report.halving_of = attempt.halving_of;
     return report;
   }
   whole.start = halving_.before;

@@ -2,7 +2,6 @@
 #include <mjcf_text.hpp>
 
 #include <array>
-#include <cmath>
 
 namespace fork1s {
 namespace {

@@ -108,9 +108,10 @@ def test_warnings_are_those_of_the_moment_that_a_simulation_went_back_to():
 def test_undone_steps_are_counted():
     sim = fork1s.Simulation(fork1s.load(DRAWER), watch=True)
     before = sim.warnings
-    for others in ("", "; 1 more step", "; 2 more steps"):
+    what = "the step from 0 s was undone: mechanism 'drawer' could not be solved even in parts of 1/64 of the step"
+    remedy = "; try a smaller time step, or softer gains, pushes and springs"
+    for others in ("", "; 1 more step was undone", "; 2 more steps were undone"):
         sim.push("drawer", force=[1e300, 0, 0])
         assert not sim.step().finite
         [sentence] = [text for text in sim.warnings if text not in before]
-        assert sentence.startswith("the step from 0 s was undone: ")
-        assert sentence.split("; ")[1].startswith(others.removeprefix("; ") or "try a smaller")
+        assert sentence == what + others + remedy

@@ -119,9 +119,9 @@ TEST(Plausible, NamesThePairOfAStepThatDidNotConverge) {
   EXPECT_NE(Watched(scene, 3, false, 2.5e-4).find("did not converge to better than 0.25 mm, with"),
             std::string::npos);
   // 1e-5 of the radius of the block, 87 mm, is 8.7e-7 m.
-  EXPECT_NE(
-      Watched(scene, 3, false, 8.6e-7).find("did not converge to better than 0.00086 mm: poses are as good"),
-      std::string::npos);
+  EXPECT_NE(Watched(scene, 3, false, 8.6e-7)
+                .find("did not converge to better than 0.00086 mm: poses are off by no more"),
+            std::string::npos);
   EXPECT_NE(Watched(scene, 3, false, 8.8e-7).find("0.00088 mm, with"), std::string::npos);
   EXPECT_EQ(Watched(scene, 3), "");
 }

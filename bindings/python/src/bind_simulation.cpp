@@ -236,7 +236,7 @@ state of the file. recovery: 'exact', 'expanded', 'curved' or 'twist', how poses
 'parents' or 'all', which bodies may touch. integrator: 'two-stage', of second order
 (default), or 'euler', backward Euler of first order. 'twist' draws poses by one exponential a body; steps are those of 'exact'.
 error: whether `error_estimate` tells how far off it is; steps then take five times as long, nine where the reduction leaves something out.
-watch: whether `warnings` tells what steps show that no machine does (wedged bodies, energy from no source, deep overlap, bodies that are no
+watch: whether `warnings` tells of steps that were undone and what steps show that no machine does (wedged bodies, energy from no source, deep overlap, bodies that are no
 interface and go into others), in the sentences of `fork1s run`; a step then takes a pass of collision detection more.
 
 All quantities are in the world frame and in m, kg, s, rad, N unless a line says otherwise. Arrays that it returns are

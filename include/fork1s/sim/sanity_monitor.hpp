@@ -38,7 +38,7 @@ class SanityMonitor {
     double times = 0;  // value over the largest plausible one
     std::string sentence;
   };
-  enum Kind { kFast, kSpins, kDeep, kSunk, kApart, kForce, kUnconverged, kEnergy, kKinds };
+  enum Kind { kFast, kSpins, kDeep, kSunk, kApart, kForce, kUnconverged, kContactsUnsolved, kEnergy, kKinds };
   using BodyPair = std::pair<int, int>;
   /// Of two collision bodies after the last step.
   struct PairContact {

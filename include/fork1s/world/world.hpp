@@ -102,11 +102,12 @@ struct StepReport {
   int stage_iterations = 0;       // Newton iterations of all of them; 2 where each of two took one
   int max_stage_iterations = 0;   // of one stage
   /// m: the largest change of a pose that another Newton iteration of a stage would make, in the kinetic
-  /// metric: b |A⁻¹r| over the root of the mass, r the residual of the stage's equation.
+  /// metric: b |A⁻¹r| over the root of the mass, r the residual of the stage's equation. Of parts with artificial damping:
+  /// by how much farther joints would have moved without.
   double stage_residual = 0;
   StepSubject stage_residual_of;
-  /// False where a stage stagnated above its tolerance within 1e-6 of a length, where the step was undone because its
-  /// shortest parts did not converge, or where these have led one shape through another; `stage_residual` is at least what
+  /// False where a stage stagnated above its tolerance within 1e-6 of a length, where a shortest part converged with
+  /// artificial damping only or the step was undone because it did not even then, or where these have led one shape through another; `stage_residual` is at least what
   /// the two have moved then.
   bool stages_converged = true;
   HalvingCause halving = HalvingCause::kNone;  // of the whole step
