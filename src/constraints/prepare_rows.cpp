@@ -17,8 +17,6 @@ namespace {
 // refined (semismooth_newton.cpp).
 constexpr double kMinRelativeRegularization = 1e-11;
 
-// Share of the larger friction coefficient that a tangent keeps, so that its row remains.
-
 bool Finite(double sum) { return std::isfinite(sum); }
 
 // Rows of the tangents and their velocities times their shares of the larger friction coefficient, and radii of

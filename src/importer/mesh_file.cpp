@@ -8,12 +8,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <iterator>
 #include <map>
 
+#include "base/lower_case.hpp"
 #include "xml_checks.hpp"
 
 namespace fork1s::internal {
@@ -23,7 +23,7 @@ constexpr std::size_t kMostVertices = 20'000'000;  // a scene may show one objec
 
 std::string MeshExtension(const std::string& path) {
   std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  extension = LowerCase(extension);
   return extension;
 }
 

@@ -148,7 +148,6 @@ void BeginStep(const StepContext& ctx, double h, double b, bool by_chord, const 
                                                       ws.mass.M_00(5, 5) * state.acceleration.segment<3>(3)));
   ws.matrix.b = 0;
   ws.matrix.of_parts = GeometricStiffness::kNone;
-  ws.matrix.artificial_damping = 0;
 }
 
 namespace {

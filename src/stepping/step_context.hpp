@@ -131,7 +131,7 @@ double MoveAndComputeResidual(const StepContext& ctx, double b, double time);
 /// After contact, in place of MoveAndComputeResidual: the stage is solved. Moves to the pose found,
 /// `with_derivatives`: Q and Jacobians too.
 void AcceptStage(const StepContext& ctx, double b, double time, bool with_derivatives);
-/// After BeginStep: damps the reduced velocities by `ratio` times their inertia over the length of the stage.
+/// Until set anew: damps the reduced velocities by `ratio` times their inertia over the length of the stage.
 void SetArtificialDamping(const StepContext& ctx, double ratio);
 /// m: displacement within b by the reduced velocities, in the kinetic metric.
 double JointDisplacement(const StepContext& ctx, double b);

@@ -81,7 +81,7 @@ void FindSwinging(const StageEnd& at, const Changes& by_last, NewtonIteration& n
   newton.relaxation = 0;
   if (at.is_first || !at.measures || before.square == 0) return;
   if (!(by_last.with_before < 0)) return;
-  if (!at.relaxes_far && std::max(before.share, by_last.share) > kNear) return;
+  if (!at.is_last_resort && std::max(before.share, by_last.share) > kNear) return;
   if (IsSlow(by_last.ratio, before.ratio))
     newton.relaxation =
         (by_last.square - by_last.with_before) / (by_last.square - 2 * by_last.with_before + before.square);
@@ -118,7 +118,7 @@ StageResidual MoveAndComputeResiduals(const StageEnd& at, Bodies& all, NewtonIte
   for (std::size_t i = 0; i < all.mechanisms.size(); ++i) {
     newton.changes[i] = ComputeStageChange(all.mechanisms[i], b);
     const double most = kMaxIterationDisplacement * length(i);
-    if (at.limits_displacement && newton.changes[i].change > most) {
+    if (at.is_last_resort && newton.changes[i].change > most) {
       ShortenStage(all.mechanisms[i], 1 - most / newton.changes[i].change, newton.changes[i]);
       shortened = true;
     }

@@ -41,13 +41,14 @@ struct NewtonIteration {
 /// Where an iteration of a stage ends.
 struct StageEnd {
   StageScheme scheme = StageScheme::kBackwardEuler;
-  double b = 0, time = 0;            // s: of the stage, from the start of the step to its end
-  double tolerance = 0;              // StepOptions::newton_tolerance
-  bool is_first = true;              // of the iterations
-  bool may_accept = true;            // without an evaluation, where the contraction promises as much
-  bool measures = true;              // the contraction
-  bool relaxes_far = false;          // however much the iterations change
-  bool limits_displacement = false;  // of an iteration, to a share of the length of a mechanism
+  double b = 0, time = 0;  // s: of the stage, from the start of the step to its end
+  double tolerance = 0;    // StepOptions::newton_tolerance
+  bool is_first = true;    // of the iterations
+  bool may_accept = true;  // without an evaluation, where the contraction promises as much
+  bool measures = true;    // the contraction
+  // What swings is relaxed however much the iterations change, and none moves a mechanism farther than a share of
+  // its length.
+  bool is_last_resort = false;
 };
 /// Ends a Newton iteration: everything moves to the pose found. Where mechanisms change so little that by the
 /// contraction seen last the next iteration would change less than the tolerance, their stage is accepted

@@ -8,9 +8,9 @@
 // A step that contains an event is taken as two of half the length, and so on: an impact, a change of
 // saturation between its stages, a stage that does not converge. The shortest parts are one stage with b = h,
 // backward Euler: extrapolated, the velocity that the first stage stopped would come back. No stage is
-// accepted unless it is solved; where the shortest part is not, it is solved with artificial damping and reported, and where
-// that is not solved either, the step is undone. Where they have led one shape through another
-// they are accepted and reported.
+// accepted unless it is solved; where the shortest part is not, it is solved with artificial damping and
+// reported, and where that is not solved either, the step is undone. Where shortest parts have led one shape
+// through another they are accepted and reported.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -33,10 +33,11 @@ constexpr int kMaxNewtonIterations = 10, kMaxResidualGrowths = 1;
 // negligible again, the planes of surfaces as curved as the body is long are off.
 constexpr int kIterationsWithDetection = 4;
 constexpr double kReleasedContacts = 1e4;
-// A shortest part that cannot be solved is solved with artificial damping: reduced velocities are damped by the first of
-// these times their inertia over the length of the part that makes it solvable. A floating mechanism keeps its momentum, energy is lost, and the part
-// is reported. Where its iteration stagnates or takes more than kIterationsWithDetection, it is accepted with a residual
-// of kMaxDampedResidual times what is negligible, a hundredth of the motion and 1e-4 of the length.
+// A shortest part that cannot be solved is solved with artificial damping: reduced velocities are damped by the
+// first of these times their inertia over the length of the part that makes it solvable. A floating mechanism
+// keeps its momentum, energy is lost, and the part is reported. Where its iteration stagnates or takes more than
+// kIterationsWithDetection, it is accepted with a residual of kMaxDampedResidual times what is negligible, a
+// hundredth of the motion and 1e-4 of the length.
 constexpr double kArtificialDamping[] = {1e2, 1e4, 1e6}, kMaxDampedResidual = 1e4;
 
 }  // namespace
@@ -222,8 +223,7 @@ HalvingCause World::Detail::SolveStage(const StepOptions& options, StageScheme s
       const bool may_accept = !stage_.rows_from_start && rows_.bounded_forces.empty();
       return MoveAndComputeResiduals(
           {scheme, stage.h, time, options.newton_tolerance, iteration == 1, may_accept,
-           !stage_.rows_from_start, inertial || stage_.artificial_damping > 0,
-           inertial || stage_.artificial_damping > 0},
+           !stage_.rows_from_start, inertial || stage_.artificial_damping > 0},
           bodies_, newton_);
     }();
     if (!IsFinite(true)) break;

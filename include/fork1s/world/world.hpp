@@ -107,8 +107,8 @@ struct StepReport {
   double stage_residual = 0;
   StepSubject stage_residual_of;
   /// False where a stage stagnated above its tolerance within 1e-6 of a length, where a shortest part converged with
-  /// artificial damping only or the step was undone because it did not even then, or where these have led one shape through another; `stage_residual` is at least what
-  /// the two have moved then.
+  /// artificial damping only or the step was undone because it did not even then, or where shortest parts have led
+  /// one shape through another; `stage_residual` is at least what the two have moved then.
   bool stages_converged = true;
   HalvingCause halving = HalvingCause::kNone;  // of the whole step
   StepSubject halving_of;                      // what caused it
